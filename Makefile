@@ -1,0 +1,39 @@
+# make demo | test | lint | bench : each builds .venv first and never touches the system Python (PEP 668)
+PYTHON ?= $(firstword $(foreach p,python3.11 python3.12 python3.13 python3,$(shell $(p) -c 'import ensurepip' 2>/dev/null && echo $(p))))
+BIN    := .venv/bin
+PIP    := $(BIN)/python -m pip install -q -c constraints.txt
+PKGS   := envs terrain surrogate controllers native cli
+CSRC   := native/CMakeLists.txt $(wildcard native/src/*.c native/src/*.h native/include/*.h)
+
+.PHONY: demo test slow lint bench clean help
+help:
+	@echo 'make demo   dataset, training and the closed loop on four backends, into build/demo/'
+	@echo 'make test   the test suite'
+	@echo 'make slow   the studies that take minutes'
+	@echo 'make lint   ruff, mypy, import directions'
+	@echo 'make bench  force-call and tick times, into build/bench/'
+demo: .venv/.native
+	$(BIN)/grouser demo --output build/demo
+test: .venv/.native
+	$(BIN)/python -P -m pytest -q -n 2
+slow: .venv/.native
+	$(BIN)/python -P -m pytest -q -m slow
+lint: .venv/.native
+	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/mypy tests examples benchmarks
+bench: .venv/.native
+	$(BIN)/python -P benchmarks/force_call.py --output build/bench/force_call.json
+
+.venv/.deps: pyproject.toml constraints.txt
+	$(if $(PYTHON),,$(error need Python >= 3.11 with venv: apt-get install python3-venv))
+	test -x $(BIN)/pip || $(PYTHON) -m venv .venv
+	$(PIP) 'pip>=25.1'
+	$(PIP) $(TORCH_ARGS) torch
+	$(PIP) --group dev
+	touch $@
+.venv/.native: .venv/.deps $(CSRC)
+	$(PIP) --no-build-isolation -e '.[all]'
+	mkdir -p build/typing/grouser && cd build/typing/grouser && ln -sfn $(PKGS:%=../../../%) . && \
+	  echo '__version__: str' > __init__.pyi && touch py.typed
+	touch $@
+clean:
+	rm -rf .venv build dist

@@ -1,0 +1,85 @@
+#include "grouser/mlp.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "cpu.h"
+
+/* Activation of z, with its derivative. */
+static float activate(enum grouser_activation kind, float z, float *slope) {
+  if (kind == GROUSER_RELU) {
+    *slope = z > 0 ? 1.0f : 0.0f;
+    return z > 0 ? z : 0.0f;
+  }
+  if (kind == GROUSER_SILU) {
+    const float gate = 1.0f / (1.0f + expf(-z));
+    *slope = gate * (1.0f + z * (1.0f - gate));
+    return z * gate;
+  }
+  const float t = tanhf(z);
+  *slope = 1.0f - t * t;
+  return t;
+}
+
+/* One input at a time against a row of outputs: the additions keep their order at every vector width. */
+GROUSER_CLONES
+static void affine(const float *restrict weights, const float *restrict bias, const float *restrict in, int inputs,
+                   float *restrict out, int outputs) {
+  memcpy(out, bias, sizeof(float) * (size_t)outputs);
+  for (int i = 0; i < inputs; i++) {
+    const float *restrict row = weights + (size_t)i * (size_t)outputs;
+    const float value = in[i];
+    for (int o = 0; o < outputs; o++) out[o] += value * row[o];
+  }
+}
+
+/* back[n][i] = sum over o of weights[i][o] * front[n][o], in sixteen running sums. */
+GROUSER_CLONES
+static void transpose_apply(const float *restrict weights, const float *restrict front, int inputs, int outputs,
+                            int stride, float *restrict back) {
+  enum { LANES = 16 };
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) {
+    const float *restrict from = front + (size_t)n * (size_t)stride;
+    for (int i = 0; i < inputs; i++) {
+      const float *restrict row = weights + (size_t)i * (size_t)outputs;
+      float lane[LANES] = {0}, sum = 0;
+      int o = 0;
+      for (; o + LANES <= outputs; o += LANES)
+        for (int l = 0; l < LANES; l++) lane[l] += row[o + l] * from[o + l];
+      for (int l = 0; l < LANES; l++) sum += lane[l];
+      for (; o < outputs; o++) sum += row[o] * from[o];
+      back[(size_t)n * (size_t)stride + (size_t)i] = sum;
+    }
+  }
+}
+
+void grouser_mlp_forces(const grouser_mlp *net, const double *x, double force[GROUSER_OUTPUTS], double *jacobian) {
+  float value[GROUSER_MAX_WIDTH], next[GROUSER_MAX_WIDTH];
+  float slope[GROUSER_MAX_LAYERS][GROUSER_MAX_WIDTH];
+  const int inputs = net->widths[0], last = net->layers - 1;
+  for (int i = 0; i < inputs; i++) value[i] = (float)((x[i] - net->input_mean[i]) / net->input_scale[i]);
+  for (int layer = 0; layer < net->layers; layer++) {
+    const int outputs = net->widths[layer + 1];
+    affine(net->weights[layer], net->biases[layer], value, net->widths[layer], next, outputs);
+    if (layer == last) break;
+    for (int o = 0; o < outputs; o++) value[o] = activate(net->activation, next[o], &slope[layer][o]);
+  }
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = net->output_mean[n] + net->output_scale[n] * (double)next[n];
+  if (!jacobian) return;
+
+  /* Backwards from the outputs: three rows cost less than one column an input. */
+  float front[GROUSER_OUTPUTS * GROUSER_MAX_WIDTH] = {0}, back[GROUSER_OUTPUTS * GROUSER_MAX_WIDTH];
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) front[n * GROUSER_MAX_WIDTH + n] = 1.0f;
+  for (int layer = last; layer >= 0; layer--) {
+    const int width = net->widths[layer];
+    transpose_apply(net->weights[layer], front, width, net->widths[layer + 1], GROUSER_MAX_WIDTH, back);
+    for (int n = 0; n < GROUSER_OUTPUTS; n++)
+      for (int i = 0; i < width; i++)
+        front[n * GROUSER_MAX_WIDTH + i] =
+            back[n * GROUSER_MAX_WIDTH + i] * (layer > 0 ? slope[layer - 1][i] : 1.0f);
+  }
+  for (int n = 0; n < GROUSER_OUTPUTS; n++)
+    for (int i = 0; i < inputs; i++)
+      jacobian[n * inputs + i] =
+          net->output_scale[n] * (double)front[n * GROUSER_MAX_WIDTH + i] / net->input_scale[i];
+}

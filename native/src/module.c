@@ -1,0 +1,44 @@
+#include "module.h"
+
+#include "cpu.h"
+#include "grouser/interface.h"
+
+static PyObject *columns(PyObject *module, PyObject *argument) {
+  (void)module;
+  static const char *const names[2][GROUSER_MAX_COLUMNS + 1] = {{GROUSER_RIGID_COLUMNS}, {GROUSER_SOIL_COLUMNS}};
+  const long mode = PyLong_AsLong(argument);
+  if (mode == -1 && PyErr_Occurred()) return NULL;
+  if (mode != GROUSER_RIGID && mode != GROUSER_SOIL) {
+    PyErr_SetString(PyExc_ValueError, "mode must be 0 (rigid) or 1 (soil)");
+    return NULL;
+  }
+  const Py_ssize_t count = grouser_columns((enum grouser_mode)mode);
+  PyObject *result = PyTuple_New(count);
+  for (Py_ssize_t n = 0; result && n < count; n++) {
+    PyObject *name = PyUnicode_FromString(names[mode][n]);
+    if (!name || PyTuple_SetItem(result, n, name) < 0) Py_CLEAR(result);
+  }
+  return result;
+}
+
+static PyObject *cpu_level(PyObject *module, PyObject *unused) {
+  (void)module;
+  (void)unused;
+  return PyUnicode_FromString(grouser_cpu_level());
+}
+
+static PyMethodDef methods[] = {
+    {"columns", columns, METH_O, "columns(mode): interface column names as the C core orders them."},
+    {"cpu_level", cpu_level, METH_NOARGS, "cpu_level(): the vector level that the kernels run at."},
+    {NULL, NULL, 0, NULL}};
+
+static int execute(PyObject *module) {
+  return grouser_add_physics_type(module) < 0 || grouser_add_mlp_type(module) < 0 ? -1 : 0;
+}
+
+static PyModuleDef_Slot slots[] = {{Py_mod_exec, execute}, {0, NULL}};
+
+static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_core", "The C core of grouser.", 0, methods, slots,
+                                        NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit__core(void) { return PyModuleDef_Init(&definition); }

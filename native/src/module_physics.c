@@ -1,0 +1,171 @@
+#include "grouser/physics.h"
+#include "module.h"
+
+typedef struct {
+  PyObject_HEAD
+  grouser_physics block;
+} physics_object;
+
+static PyObject *physics_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
+  static char *names[] = {"mode",          "contact",     "wheels",    "along",          "across",
+                          "mass",          "gravity",     "contact_length", "tread",     "track_width",
+                          "cg_height",     "contact_center", "soft_speed", NULL};
+  grouser_physics b;
+  int mode, contact;
+  if (!PyArg_ParseTupleAndKeywords(arguments, keywords, "iiiiidddddddd", names, &mode, &contact, &b.wheels, &b.along,
+                                   &b.across, &b.mass, &b.gravity, &b.contact_length, &b.tread, &b.track_width,
+                                   &b.cg_height, &b.contact_center, &b.soft_speed))
+    return NULL;
+  if ((mode != GROUSER_RIGID && mode != GROUSER_SOIL) || (contact != GROUSER_CONTINUOUS && contact != GROUSER_PER_WHEEL)) {
+    PyErr_SetString(PyExc_ValueError, "mode and contact must be 0 or 1");
+    return NULL;
+  }
+  if (b.wheels < 1 || b.wheels > GROUSER_MAX_WHEELS || b.along < 1 || b.along > GROUSER_MAX_CELLS || b.across < 1 ||
+      b.across > GROUSER_MAX_CELLS) {
+    PyErr_Format(PyExc_ValueError, "wheels must lie in [1, %d], cells along and across in [1, %d]", GROUSER_MAX_WHEELS,
+                 GROUSER_MAX_CELLS);
+    return NULL;
+  }
+  b.mode = (enum grouser_mode)mode;
+  b.contact = (enum grouser_contact)contact;
+  allocfunc allocate = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
+  physics_object *self = (physics_object *)allocate(type, 0);
+  if (self) self->block = b;
+  return (PyObject *)self;
+}
+
+static void physics_dealloc(PyObject *self) {
+  PyTypeObject *type = Py_TYPE(self);
+  freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
+  release(self);
+  Py_DECREF(type);
+}
+
+static int refuses(const grouser_physics *block, const grouser_array *x) {
+  const int columns = grouser_columns(block->mode);
+  for (Py_ssize_t row = 0; row < x->rows; row++) {
+    const char *name = grouser_physics_refuses(block, x->data + row * columns);
+    if (name) {
+      PyErr_Format(PyExc_ValueError, "row %zd: column %s is not finite, or out of the block's domain", row, name);
+      return 1;
+    }
+  }
+  return 0;
+}
+
+static int same_rows(const grouser_array *a, const grouser_array *b, const char *what) {
+  if (a->rows == b->rows) return 1;
+  PyErr_Format(PyExc_ValueError, "%s must have as many rows as the input: %zd, got %zd", what, a->rows, b->rows);
+  return 0;
+}
+
+static void evaluate(const grouser_physics *block, const grouser_array *x, double *forces, double *jacobian) {
+  const int columns = grouser_columns(block->mode);
+  for (Py_ssize_t row = 0; row < x->rows; row++)
+    grouser_physics_forces(block, x->data + row * columns, forces + row * GROUSER_OUTPUTS,
+                           jacobian ? jacobian + row * GROUSER_OUTPUTS * columns : NULL);
+}
+
+static PyObject *run(physics_object *self, PyObject *x_object, PyObject *forces_object, PyObject *jacobian_object) {
+  const grouser_physics *block = &self->block;
+  const int columns = grouser_columns(block->mode);
+  grouser_array x, forces, jacobian;
+  PyObject *result = NULL;
+  if (grouser_array_acquire(x_object, "x", columns, 0, &x) < 0) return NULL;
+  if (grouser_array_acquire(forces_object, "forces", GROUSER_OUTPUTS, 1, &forces) < 0) goto release_x;
+  if (jacobian_object &&
+      grouser_array_acquire(jacobian_object, "jacobian", GROUSER_OUTPUTS * columns, 1, &jacobian) < 0)
+    goto release_forces;
+  if (same_rows(&x, &forces, "forces") && (!jacobian_object || same_rows(&x, &jacobian, "jacobian")) &&
+      !refuses(block, &x)) {
+    double *slopes = jacobian_object ? jacobian.data : NULL;
+    if (x.rows >= GROUSER_BATCH_ROWS) {
+      Py_BEGIN_ALLOW_THREADS
+      evaluate(block, &x, forces.data, slopes);
+      Py_END_ALLOW_THREADS
+    } else {
+      evaluate(block, &x, forces.data, slopes);
+    }
+    result = Py_NewRef(Py_None);
+  }
+  if (jacobian_object) grouser_array_release(&jacobian);
+release_forces:
+  grouser_array_release(&forces);
+release_x:
+  grouser_array_release(&x);
+  return result;
+}
+
+static PyObject *physics_forces(PyObject *self, PyObject *arguments) {
+  PyObject *x, *forces;
+  if (!PyArg_ParseTuple(arguments, "OO:forces", &x, &forces)) return NULL;
+  return run((physics_object *)self, x, forces, NULL);
+}
+
+static PyObject *physics_forces_and_jacobian(PyObject *self, PyObject *arguments) {
+  PyObject *x, *forces, *jacobian;
+  if (!PyArg_ParseTuple(arguments, "OOO:forces_and_jacobian", &x, &forces, &jacobian)) return NULL;
+  return run((physics_object *)self, x, forces, jacobian);
+}
+
+static void evaluate_tracks(const grouser_physics *block, const grouser_array *left, const grouser_array *right,
+                            double *tracks) {
+  const int columns = grouser_columns(block->mode);
+  for (Py_ssize_t row = 0; row < left->rows; row++, tracks += 2 * GROUSER_OUTPUTS) {
+    grouser_physics_track(block, left->data + row * columns, GROUSER_LEFT, tracks, NULL);
+    grouser_physics_track(block, right->data + row * columns, GROUSER_RIGHT, tracks + GROUSER_OUTPUTS, NULL);
+  }
+}
+
+static PyObject *physics_track_forces(PyObject *self, PyObject *arguments) {
+  const grouser_physics *block = &((physics_object *)self)->block;
+  const int columns = grouser_columns(block->mode);
+  PyObject *left_object, *right_object, *tracks_object, *result = NULL;
+  grouser_array left, right, tracks;
+  if (!PyArg_ParseTuple(arguments, "OOO:track_forces", &left_object, &right_object, &tracks_object)) return NULL;
+  if (grouser_array_acquire(left_object, "x_left", columns, 0, &left) < 0) return NULL;
+  if (grouser_array_acquire(right_object, "x_right", columns, 0, &right) < 0) goto release_left;
+  if (grouser_array_acquire(tracks_object, "track_forces", 2 * GROUSER_OUTPUTS, 1, &tracks) < 0) goto release_right;
+  if (same_rows(&left, &right, "x_right") && same_rows(&left, &tracks, "track_forces") && !refuses(block, &left) &&
+      !refuses(block, &right)) {
+    if (left.rows >= GROUSER_BATCH_ROWS) {
+      Py_BEGIN_ALLOW_THREADS
+      evaluate_tracks(block, &left, &right, tracks.data);
+      Py_END_ALLOW_THREADS
+    } else {
+      evaluate_tracks(block, &left, &right, tracks.data);
+    }
+    result = Py_NewRef(Py_None);
+  }
+  grouser_array_release(&tracks);
+release_right:
+  grouser_array_release(&right);
+release_left:
+  grouser_array_release(&left);
+  return result;
+}
+
+static PyMethodDef physics_methods[] = {
+    {"forces", physics_forces, METH_VARARGS, "forces(x, forces): write [Qx, Qy, Mz] of every row."},
+    {"forces_and_jacobian", physics_forces_and_jacobian, METH_VARARGS,
+     "forces_and_jacobian(x, forces, jacobian): write forces and their derivatives by every column."},
+    {"track_forces", physics_track_forces, METH_VARARGS,
+     "track_forces(x_left, x_right, track_forces): write [Fx, Fy, M] of each track."},
+    {NULL, NULL, 0, NULL}};
+
+static PyType_Slot physics_slots[] = {{Py_tp_new, physics_new},
+                                      {Py_tp_dealloc, physics_dealloc},
+                                      {Py_tp_methods, physics_methods},
+                                      {Py_tp_doc, "The cell-integrated track-terrain block in float64."},
+                                      {0, NULL}};
+
+static PyType_Spec physics_spec = {"grouser.native._core.Physics", sizeof(physics_object), 0, Py_TPFLAGS_DEFAULT,
+                                   physics_slots};
+
+int grouser_add_physics_type(PyObject *module) {
+  PyObject *type = PyType_FromSpec(&physics_spec);
+  if (!type) return -1;
+  const int status = PyModule_AddObjectRef(module, "Physics", type);
+  Py_DECREF(type);
+  return status;
+}

@@ -1,0 +1,236 @@
+"""The guard: a primary backend, a fallback, a detector between them, and the switching policy with its memory."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, ClassVar, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .backend import ForceBackend
+from .errors import ConfigurationError, InvalidInputError
+from .interface import FloatArray
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What a detector says of one interface row.
+
+    Parameters
+    ----------
+    score : float
+        Distance from the training data over its threshold: above 1 is out of distribution.
+    reason : {"none", "finite", "box", "distance"}
+        The level that raised the score above 1.
+    worst_column : str
+        The column that contributes most to it.
+    """
+
+    score: float
+    reason: str
+    worst_column: str
+
+    @property
+    def out_of_distribution(self) -> bool:
+        """Whether the row lies outside."""
+        return not self.score <= 1.0
+
+
+class Detector(Protocol):
+    """Anything that scores interface rows: above 1, or NaN, is out of distribution."""
+
+    def score(self, x: FloatArray) -> FloatArray:
+        """Return scores of shape (n,) for rows of shape (n, d); rows need not be finite."""
+
+    def detect(self, row: FloatArray) -> Detection:
+        """Score one row of shape (d,), with the reason."""
+
+
+class GuardMode(StrEnum):
+    """Which backend answers."""
+
+    PRIMARY = "primary"
+    FALLBACK = "fallback"
+
+
+@dataclass(frozen=True)
+class GuardState:
+    """The guard's memory, carried by each simulated vehicle.
+
+    Parameters
+    ----------
+    mode : GuardMode
+        Which backend answers.
+    dwell : float
+        Time in this mode in s.
+    calm : float
+        Time since the score was last at or above the exit level, in s.
+    flags : tuple of bool
+        Whether the latest samples exceeded the distance threshold, newest first.
+    fallback_weight : float
+        Share of the fallback in the blended output.
+    """
+
+    mode: GuardMode = GuardMode.PRIMARY
+    dwell: float = math.inf
+    calm: float = math.inf
+    flags: tuple[bool, ...] = ()
+    fallback_weight: float = 0.0
+
+
+@dataclass(frozen=True)
+class SwitchingPolicy:
+    """When to change over, and how softly.
+
+    Entry is immediate where a row is not finite or leaves the declared box, and on ``entry_votes`` of the last
+    ``entry_window`` samples beyond the distance threshold. Exit needs the score below ``exit_score`` for
+    ``exit_time``, after at least ``minimum_dwell`` on the fallback. Outputs blend over ``blend_samples`` ticks, save
+    that a row that the primary must not see goes to the fallback whole.
+
+    Raises
+    ------
+    InvalidInputError
+        If a value is impossible.
+    """
+
+    entry_votes: int = 2
+    entry_window: int = 3
+    exit_score: float = 0.8
+    exit_time: float = 0.3
+    minimum_dwell: float = 0.2
+    blend_samples: int = 4
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.entry_votes <= self.entry_window:
+            raise InvalidInputError(
+                f"entry_votes must lie in [1, entry_window = {self.entry_window}], got {self.entry_votes}"
+            )
+        if not 0 < self.exit_score <= 1:
+            raise InvalidInputError(f"exit_score must lie in (0, 1], got {self.exit_score}")
+        if self.exit_time < 0 or self.minimum_dwell < 0 or self.blend_samples < 1:
+            raise InvalidInputError("exit_time and minimum_dwell must not be negative, blend_samples at least 1")
+
+    def advance(self, state: GuardState, detection: Detection, elapsed: float) -> GuardState:
+        """Return the guard's state for a tick of ``elapsed`` s whose input was scored as ``detection``."""
+        calm = state.calm + elapsed if detection.score < self.exit_score else 0.0
+        flags = (detection.out_of_distribution, *state.flags)[: self.entry_window]
+        forced = detection.reason in ("finite", "box")
+        mode, dwell = state.mode, state.dwell + elapsed
+        if mode is GuardMode.PRIMARY and (forced or sum(flags) >= self.entry_votes):
+            mode, dwell = GuardMode.FALLBACK, 0.0
+        elif mode is GuardMode.FALLBACK and calm >= self.exit_time and dwell >= self.minimum_dwell:
+            mode, dwell = GuardMode.PRIMARY, 0.0
+        step = 1.0 / self.blend_samples
+        if mode is GuardMode.FALLBACK:
+            weight = 1.0 if forced else min(1.0, state.fallback_weight + step)
+        else:
+            weight = max(0.0, state.fallback_weight - step)
+        return GuardState(mode, dwell, calm, flags, weight)
+
+
+class GuardedBackend(ForceBackend):
+    """A surrogate that hands over to another backend where it was not trained.
+
+    Called as a backend it is a pure gate: each row goes to the primary or, out of distribution, to the fallback. A
+    simulated vehicle adds the memory: it advances a :class:`GuardState` once a tick and evaluates
+    :meth:`blended_forces_and_jacobian` at the weight that the policy chose.
+
+    Parameters
+    ----------
+    primary, fallback : ForceBackend
+        Of the same vehicle and mode.
+    detector : Detector
+        Scores interface rows.
+    policy : SwitchingPolicy
+        Entry, hysteresis, dwell, blend.
+
+    Raises
+    ------
+    ConfigurationError
+        If primary and fallback differ in vehicle or mode.
+    """
+
+    name: ClassVar[str] = "guarded"
+
+    def __init__(
+        self,
+        primary: ForceBackend,
+        fallback: ForceBackend,
+        detector: Detector,
+        policy: SwitchingPolicy | None = None,
+    ) -> None:
+        if primary.mode != fallback.mode or not primary.vehicle.same_block(fallback.vehicle):
+            raise ConfigurationError(
+                f"primary ({primary.vehicle.name}, {primary.mode}) and fallback ({fallback.vehicle.name}, "
+                f"{fallback.mode}) must be of one vehicle and mode"
+            )
+        super().__init__(fallback.vehicle, fallback.mode)
+        self.primary: Final = primary
+        self.fallback: Final = fallback
+        self.detector: Final = detector
+        self.policy: Final = policy or SwitchingPolicy()
+        self.resolution = max(primary.resolution, fallback.resolution)  # type: ignore[misc]
+
+    def ood_score(self, x: FloatArray) -> FloatArray:
+        """Return the detector's score of each row, shape (n,); above 1 is out of distribution."""
+        return self.detector.score(np.atleast_2d(np.asarray(x, dtype=np.float64)))
+
+    def out_of_distribution(self, x: FloatArray) -> NDArray[np.bool_]:
+        """Return whether each row is out of distribution, shape (n,); a NaN score is."""
+        return ~(self.ood_score(x) <= 1.0)
+
+    def forces(self, x: FloatArray) -> FloatArray:
+        """Return the primary's forces where the row is in distribution, else the fallback's."""
+        x = self.interface.check(x)
+        rows = np.atleast_2d(x)
+        outside = self.out_of_distribution(rows)
+        out = np.empty((len(rows), 3))
+        for backend, chosen in ((self.primary, ~outside), (self.fallback, outside)):
+            if chosen.any():
+                out[chosen] = backend.forces(rows[chosen])
+        return out.reshape((*x.shape[:-1], 3))
+
+    def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return forces and ∂Q/∂x of the backend that each row goes to."""
+        x = self.interface.check(x)
+        rows = np.atleast_2d(x)
+        outside = self.out_of_distribution(rows)
+        out, jacobian = np.empty((len(rows), 3)), np.empty((len(rows), 3, self.interface.size))
+        for backend, chosen in ((self.primary, ~outside), (self.fallback, outside)):
+            if chosen.any():
+                out[chosen], jacobian[chosen] = backend.forces_and_jacobian(rows[chosen])
+        return out.reshape((*x.shape[:-1], 3)), jacobian.reshape((*x.shape[:-1], 3, self.interface.size))
+
+    def blended_forces_and_jacobian(self, x: FloatArray, fallback_weight: float) -> tuple[FloatArray, FloatArray]:
+        """Return (1 − w)·primary + w·fallback; a primary output that is not finite counts for nothing.
+
+        Parameters
+        ----------
+        x : ndarray, shape (d,)
+            One interface row.
+        fallback_weight : float
+            w in [0, 1].
+        """
+        if fallback_weight <= 0.0:
+            primary = self.primary.forces_and_jacobian(x)
+            return primary if _finite(primary) else self.fallback.forces_and_jacobian(x)
+        fallback = self.fallback.forces_and_jacobian(x)
+        if fallback_weight >= 1.0:
+            return fallback
+        primary = self.primary.forces_and_jacobian(x)
+        if not _finite(primary):
+            return fallback
+        w = fallback_weight
+        return (1 - w) * primary[0] + w * fallback[0], (1 - w) * primary[1] + w * fallback[1]
+
+    def describe(self) -> dict[str, Any]:
+        """Return the guard's own description with those of its parts."""
+        return super().describe() | {"primary": self.primary.describe(), "fallback": self.fallback.describe()}
+
+
+def _finite(forces_and_jacobian: tuple[FloatArray, FloatArray]) -> bool:
+    forces, jacobian = forces_and_jacobian
+    return bool(np.isfinite(forces).all() and np.isfinite(jacobian).all())

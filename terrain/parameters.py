@@ -1,0 +1,200 @@
+"""Terrain parameters θ, validated and frozen, and the ranges they are sampled from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Final, Literal
+
+import numpy as np
+
+from .errors import InvalidInputError, unknown_name
+from .interface import FloatArray, Interface, Mode, interface
+
+RangeName = Literal["wide", "paper"]
+
+
+def require_in(name: str, value: float, low: float, high: float, *, low_open: bool = False) -> None:
+    """Raise InvalidInputError unless ``value`` is a finite number in [low, high], or (low, high] if ``low_open``."""
+    inside = isinstance(value, int | float | np.number) and (low < value if low_open else low <= value) and value <= high
+    if not inside:
+        bracket = "(" if low_open else "["
+        raise InvalidInputError(f"{name} must lie in {bracket}{low:g}, {high:g}], got {value!r}")
+
+
+@dataclass(frozen=True)
+class RigidTerrain:
+    """Firm ground, where friction limits the shear stress: τ_max = μ p.
+
+    Parameters
+    ----------
+    mu : float
+        Friction coefficient, in (0, 2].
+    fr : float
+        Rolling resistance coefficient, in [0, 1].
+    k : float
+        Shear deformation modulus in m, in (0, 1].
+
+    Raises
+    ------
+    InvalidInputError
+        If a parameter lies outside its interval.
+    """
+
+    mu: float
+    fr: float = 0.03
+    k: float = 0.025
+
+    mode: ClassVar[Mode] = "rigid"
+
+    def __post_init__(self) -> None:
+        require_in("mu", self.mu, 0.0, 2.0, low_open=True)
+        require_in("fr", self.fr, 0.0, 1.0)
+        require_in("k", self.k, 0.0, 1.0, low_open=True)
+
+    @property
+    def parameters(self) -> FloatArray:
+        """θ = (μ, f_r, K), shape (3,)."""
+        return np.array([self.mu, self.fr, self.k])
+
+    def parameters_at(self, x: float, y: float) -> FloatArray:
+        """θ under a vehicle at (x, y) in m: the same everywhere."""
+        return self.parameters
+
+
+@dataclass(frozen=True)
+class SoilTerrain:
+    """Soil, whose strength limits the shear stress: τ_max = c + p tan φ.
+
+    Parameters
+    ----------
+    c : float
+        Cohesion in Pa, in [0, 500 000].
+    phi : float
+        Angle of internal friction in rad, in [0, 1.2]; c and phi are not both zero.
+    fr : float
+        Rolling resistance coefficient, in [0, 1].
+    k : float
+        Shear deformation modulus in m, in (0, 1].
+
+    Raises
+    ------
+    InvalidInputError
+        If a parameter lies outside its interval, or the soil has no strength.
+    """
+
+    c: float
+    phi: float
+    fr: float = 0.10
+    k: float = 0.025
+
+    mode: ClassVar[Mode] = "soil"
+
+    def __post_init__(self) -> None:
+        require_in("c", self.c, 0.0, 5e5)
+        require_in("phi", self.phi, 0.0, 1.2)
+        require_in("fr", self.fr, 0.0, 1.0)
+        require_in("k", self.k, 0.0, 1.0, low_open=True)
+        if self.c == 0 and self.phi == 0:
+            raise InvalidInputError("a soil needs strength: c and phi are both 0")
+
+    @property
+    def parameters(self) -> FloatArray:
+        """θ = (c, φ, f_r, K), shape (4,)."""
+        return np.array([self.c, self.phi, self.fr, self.k])
+
+    def parameters_at(self, x: float, y: float) -> FloatArray:
+        """θ under a vehicle at (x, y) in m: the same everywhere."""
+        return self.parameters
+
+
+Terrain = RigidTerrain | SoilTerrain
+
+
+def terrain_from_mapping(values: Mapping[str, Any]) -> Terrain:
+    """Build a terrain from ``{"mode": ..., parameter: value, ...}``.
+
+    Raises
+    ------
+    ConfigurationError
+        If the mode or a key is unknown.
+    InvalidInputError
+        If a value is impossible or a required one is missing.
+    """
+    remaining = dict(values)
+    mode = interface(remaining.pop("mode", "rigid" if "mu" in remaining else "soil")).mode
+    kind: type[Terrain] = RigidTerrain if mode == "rigid" else SoilTerrain
+    known = {field.name for field in fields(kind)}
+    for key in remaining:
+        if key not in known:
+            raise unknown_name(f"{mode} terrain parameter", key, known)
+    try:
+        return kind(**remaining)
+    except TypeError as error:
+        raise InvalidInputError(f"a {mode} terrain needs {', '.join(sorted(known))}: {error}") from error
+
+
+@dataclass(frozen=True)
+class ParameterRanges:
+    """Box of terrain parameters that runs are drawn from and that a guard declares.
+
+    Parameters
+    ----------
+    mode : {"rigid", "soil"}
+        Terrain mode.
+    low, high : tuple of float
+        Bounds of θ, in interface order and SI units.
+    """
+
+    mode: Mode
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    @property
+    def interface(self) -> Interface:
+        """The interface of the mode."""
+        return interface(self.mode)
+
+    def contains(self, terrain: Terrain) -> bool:
+        """Whether a terrain of this mode lies in the box, bounds included."""
+        if terrain.mode != self.mode:
+            return False
+        theta = terrain.parameters
+        return bool(np.all(theta >= self.low) and np.all(theta <= self.high))
+
+    def sample(self, generator: np.random.Generator) -> Terrain:
+        """Draw one terrain: cohesion by the cube of a uniform draw, everything else uniform.
+
+        Published cohesions crowd near 1-5 kPa in a range that reaches 70 kPa; the cube puts half of the draws of
+        the wide range below an eighth of it.
+        """
+        draw = generator.random(len(self.low))
+        if self.mode == "soil" and self.low[0] == 0:
+            draw[0] = draw[0] ** 3
+        theta = [float(lo + u * (hi - lo)) for lo, hi, u in zip(self.low, self.high, draw, strict=True)]
+        return RigidTerrain(*theta) if self.mode == "rigid" else SoilTerrain(*theta)
+
+
+_DEGREE = math.pi / 180
+_RANGES: Final[dict[tuple[str, Mode], ParameterRanges]] = {
+    ("wide", "rigid"): ParameterRanges("rigid", (0.1, 0.01, 0.005), (1.0, 0.20, 0.06)),
+    ("wide", "soil"): ParameterRanges("soil", (0.0, 4 * _DEGREE, 0.01, 0.005), (70e3, 42 * _DEGREE, 0.20, 0.06)),
+    ("paper", "rigid"): ParameterRanges("rigid", (0.4, 0.01, 0.005), (1.0, 0.10, 0.06)),
+    ("paper", "soil"): ParameterRanges("soil", (1e3, 5 * _DEGREE, 0.01, 0.005), (20e3, 25 * _DEGREE, 0.10, 0.06)),
+}
+RANGE_NAMES: Final[tuple[RangeName, ...]] = ("wide", "paper")
+
+
+def parameter_ranges(name: str, mode: str) -> ParameterRanges:
+    """Return the ``wide`` or ``paper`` ranges of a mode.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name or the mode is unknown.
+    """
+    checked = interface(mode).mode
+    if (name, checked) not in _RANGES:
+        raise unknown_name("parameter range", name, RANGE_NAMES)
+    return _RANGES[name, checked]

@@ -1,0 +1,201 @@
+"""Vehicle geometry and inertia, validated and frozen, and the presets of ``data/vehicles.toml``."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, fields
+from functools import cache
+from importlib.resources import files
+from typing import Any, Final
+
+import numpy as np
+
+from .errors import InvalidInputError, unknown_name
+from .interface import FloatArray
+from .parameters import require_in
+
+GRAVITY: Final = 9.81
+
+
+@dataclass(frozen=True)
+class TrackedVehicle:
+    """A tracked skid-steer vehicle on level ground.
+
+    Parameters
+    ----------
+    name : str
+        Short name, written into datasets and artifacts.
+    mass : float
+        m in kg.
+    yaw_inertia : float
+        I_z in kg m².
+    contact_length : float
+        L in m, length of each track on the ground.
+    tread : float
+        B in m, distance between the track centrelines; larger than ``track_width``.
+    track_width : float
+        b in m.
+    cg_height : float
+        h in m.
+    road_wheels : int
+        n a side, which split the contact length into equal elements.
+    sprocket_radius : float
+        r in m.
+    maximum_speed : float
+        Belt speed that the drive can reach, in m/s.
+    training_speed : float
+        Largest belt-speed command in training, in m/s; not above ``maximum_speed``.
+    soft_speed : float
+        V_ε in m/s, below which the contact time stays bounded.
+    cg_offset : float
+        How far the CG lies ahead of the centre of the contact length, in m.
+    belt_time_constant : float
+        T_d in s, of the first-order lag from belt-speed command to belt speed.
+    belt_acceleration : float
+        Limit on the rate of belt speed, in m/s².
+    source : str
+        Where the numbers come from.
+    synthetic : bool
+        Whether no machine stands behind them.
+
+    Raises
+    ------
+    InvalidInputError
+        If a value is impossible.
+    """
+
+    name: str
+    mass: float
+    yaw_inertia: float
+    contact_length: float
+    tread: float
+    track_width: float
+    cg_height: float
+    road_wheels: int
+    sprocket_radius: float
+    maximum_speed: float
+    training_speed: float
+    soft_speed: float = 0.1
+    cg_offset: float = 0.0
+    belt_time_constant: float = 0.2
+    belt_acceleration: float = 4.0
+    source: str = "user"
+    synthetic: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "yaw_inertia", "contact_length", "track_width", "sprocket_radius"):
+            require_in(name, getattr(self, name), 0.0, 1e9, low_open=True)
+        for name in ("maximum_speed", "belt_time_constant", "belt_acceleration"):
+            require_in(name, getattr(self, name), 0.0, 1e3, low_open=True)
+        require_in("cg_height", self.cg_height, 0.0, 10.0)
+        require_in("soft_speed", self.soft_speed, 0.0, 10.0)
+        require_in("tread", self.tread, self.track_width, 100.0, low_open=True)
+        require_in("training_speed", self.training_speed, 0.0, self.maximum_speed, low_open=True)
+        half = self.contact_length / 2
+        if not -half < self.cg_offset < half:
+            raise InvalidInputError(
+                f"the CG must lie over the contact length: cg_offset in ({-half:g}, {half:g}), got {self.cg_offset!r}"
+            )
+        if isinstance(self.road_wheels, bool) or not isinstance(self.road_wheels, int) or self.road_wheels < 1:
+            raise InvalidInputError(f"road_wheels must be a whole number of at least 1, got {self.road_wheels!r}")
+
+    @classmethod
+    def preset(cls, name: str) -> TrackedVehicle:
+        """Return a vehicle of ``data/vehicles.toml``.
+
+        Raises
+        ------
+        ConfigurationError
+            If the name is unknown.
+
+        Examples
+        --------
+        >>> TrackedVehicle.preset("m113").mass
+        11300.0
+        """
+        presets = _presets()
+        if name not in presets:
+            raise unknown_name("vehicle", name, presets)
+        return presets[name]
+
+    @property
+    def weight(self) -> float:
+        """W = m g in N."""
+        return self.mass * GRAVITY
+
+    @property
+    def element_length(self) -> float:
+        """ℓ = L/n in m."""
+        return self.contact_length / self.road_wheels
+
+    @property
+    def contact_center(self) -> float:
+        """x̄ in m: the centre of the contact length, from the CG."""
+        return -self.cg_offset
+
+    @property
+    def element_centers(self) -> FloatArray:
+        """x_i in m, from the CG, rearmost first, shape (n,)."""
+        index = np.arange(self.road_wheels)
+        return self.contact_center + (index - (self.road_wheels - 1) / 2) * self.element_length
+
+    @property
+    def overall_width(self) -> float:
+        """B + b in m."""
+        return self.tread + self.track_width
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields by name, as JSON can hold them."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> TrackedVehicle:
+        """Build a vehicle from :meth:`to_dict`.
+
+        Raises
+        ------
+        ConfigurationError
+            If a key is unknown.
+        InvalidInputError
+            If a value is impossible or missing.
+        """
+        known = {field.name for field in fields(cls)}
+        for key in values:
+            if key not in known:
+                raise unknown_name("vehicle field", key, known)
+        try:
+            return cls(**values)
+        except TypeError as error:
+            raise InvalidInputError(f"incomplete vehicle: {error}") from error
+
+    def same_block(self, other: TrackedVehicle) -> bool:
+        """Whether both have the same track-terrain block, and so can share a surrogate."""
+        return all(getattr(self, name) == getattr(other, name) for name in _BLOCK_FIELDS)
+
+
+_BLOCK_FIELDS: Final = (
+    "mass",
+    "contact_length",
+    "tread",
+    "track_width",
+    "cg_height",
+    "road_wheels",
+    "soft_speed",
+    "cg_offset",
+)
+
+
+@cache
+def _presets() -> dict[str, TrackedVehicle]:
+    tables = tomllib.loads(files(__package__).joinpath("data", "vehicles.toml").read_text(encoding="utf-8"))
+    return {name: TrackedVehicle(name=name, **values) for name, values in tables.items()}
+
+
+def vehicle_names() -> tuple[str, ...]:
+    """Names that :meth:`TrackedVehicle.preset` knows, sorted."""
+    return tuple(sorted(_presets()))
+
+
+def resolve_vehicle(vehicle: str | TrackedVehicle) -> TrackedVehicle:
+    """Return a vehicle given by preset name or as itself."""
+    return TrackedVehicle.preset(vehicle) if isinstance(vehicle, str) else vehicle
