@@ -1,0 +1,42 @@
+"""How is the block learned, trusted and shipped? Network, artifact, detector, and the backends made of them."""
+
+from .artifact import FEATURE_MAPS, FORMAT_VERSION, Surrogate, shipped_names
+from .backends import NativeSurrogate, TorchSurrogate
+from .conformal import conformal_threshold, run_scores
+from .detector import BoxMahalanobisDetector
+from .guarded import GuardedSurrogate
+from .network import (
+    ACTIVATIONS,
+    NUMPY_NETWORK,
+    Activation,
+    DenseNetwork,
+    NetworkNamespace,
+    casadi_network,
+    random_network,
+    torch_module,
+    torch_network,
+)
+from .normalizer import Normalizer
+
+__all__ = [
+    "ACTIVATIONS",
+    "FEATURE_MAPS",
+    "FORMAT_VERSION",
+    "NUMPY_NETWORK",
+    "Activation",
+    "BoxMahalanobisDetector",
+    "DenseNetwork",
+    "GuardedSurrogate",
+    "NativeSurrogate",
+    "NetworkNamespace",
+    "Normalizer",
+    "Surrogate",
+    "TorchSurrogate",
+    "casadi_network",
+    "conformal_threshold",
+    "random_network",
+    "run_scores",
+    "shipped_names",
+    "torch_module",
+    "torch_network",
+]

@@ -2,7 +2,10 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <stdint.h>
 #include <string.h>
+
+#include "cpu.h"
 
 /* Share of an element's static load below which cohesion fades with the contact. */
 static const double COHESION_FADE = 0.05;
@@ -69,17 +72,71 @@ static strength shear_strength(const grouser_physics *block, const double *terra
   return s;
 }
 
-/* phi1(z) = (1 - exp(-z))/z; decay receives exp(-z). The series avoids the cancellation at small z. */
-static double shear_factor(double z, double *decay) {
-  if (z < 0.5) {
-    double sum = 1.0;
-    for (int n = 14; n > 1; n--) sum = 1.0 - sum * z / n;
-    *decay = 1.0 - z * sum;
-    return sum;
+/* Cells are taken in strips: long enough for the vector units, short enough for the stack. */
+enum { LANES = 8, STRIP = 64 };
+
+typedef struct {
+  double offset[STRIP]; /* along the element, from its centre */
+  double y[STRIP];      /* from the CG */
+  double weight[STRIP]; /* 1, or 0 past the last cell */
+  int lanes;            /* cells, rounded up to whole lanes */
+} cell_strip;
+
+static void fill_strip(const grouser_physics *block, double sign, int first, cell_strip *strip) {
+  const int cells = block->along * block->across;
+  const double length = block->contact_length / block->wheels;
+  const int count = cells - first < STRIP ? cells - first : STRIP;
+  strip->lanes = (count + LANES - 1) / LANES * LANES;
+  for (int n = 0; n < strip->lanes; n++) {
+    const int cell = n < count ? first + n : first;
+    const int i = cell / block->across, j = cell % block->across;
+    strip->offset[n] = ((i + 0.5) / block->along - 0.5) * length;
+    strip->y[n] = sign * (block->tread / 2 + ((j + 0.5) / block->across - 0.5) * block->track_width);
+    strip->weight[n] = n < count ? 1.0 : 0.0;
   }
-  *decay = exp(-z);
-  return (1.0 - *decay) / z;
 }
+
+/* exp(-z) - 1 for z >= 0, without branches: -z = k ln 2 + r, |r| <= ln 2 / 2, then 2^k expm1(r) + (2^k - 1).
+ * The Taylor sum ends at r^13/13!, below 1e-17; at k = 0 the relative error stays at rounding. */
+static inline double expm1_negative(double z) {
+  static const double LOG2E = 1.4426950408889634074, LN2_HIGH = 6.93147180369123816490e-01,
+                      LN2_LOW = 1.90821492927058770002e-10, SHIFT = 6755399441055744.0; /* 1.5 * 2^52 */
+  const double minus = z < 700.0 ? -z : -700.0;
+  const double shifted = minus * LOG2E + SHIFT;
+  const double k = shifted - SHIFT;
+  const double r = (minus - k * LN2_HIGH) - k * LN2_LOW;
+  double p = 1.0 / 6227020800.0;
+  p = p * r + 1.0 / 479001600.0;
+  p = p * r + 1.0 / 39916800.0;
+  p = p * r + 1.0 / 3628800.0;
+  p = p * r + 1.0 / 362880.0;
+  p = p * r + 1.0 / 40320.0;
+  p = p * r + 1.0 / 5040.0;
+  p = p * r + 1.0 / 720.0;
+  p = p * r + 1.0 / 120.0;
+  p = p * r + 1.0 / 24.0;
+  p = p * r + 1.0 / 6.0;
+  p = p * r + 0.5;
+  const double series = r + r * r * p;
+  uint64_t bits;
+  double scale;
+  memcpy(&bits, &shifted, sizeof bits);
+  bits = (bits + 1023) << 52;
+  memcpy(&scale, &bits, sizeof scale);
+  return scale * series + (scale - 1.0);
+}
+
+/* What is the same for every cell under one element. */
+typedef struct {
+  double vx, vy, yaw_rate, belt;
+  double center;           /* of the element, from the CG */
+  double reach;            /* from the cell's offset to where the shear is counted from */
+  double half_travel;      /* distance travelled at the middle of that length */
+  double direction;        /* s */
+  double direction_slope;  /* ds/dVt */
+  double soft_belt;        /* sqrt(Vt^2 + V_eps^2) */
+  double modulus;          /* K */
+} element_motion;
 
 /* Sums over an element's cells at unit shear strength: the force, and its derivatives by five of the inputs. */
 enum { BY_VX, BY_VY, BY_YAW_RATE, BY_BELT, BY_MODULUS, SLOPES };
@@ -89,53 +146,109 @@ typedef struct {
   double slope[SLOPES][GROUSER_OUTPUTS];
 } element_sums;
 
-static void add_force(double sum[GROUSER_OUTPUTS], double x, double y, double fx, double fy) {
-  sum[0] += fx;
-  sum[1] += fy;
-  sum[2] += x * fy - y * fx;
+static double lane_total(const double lane[LANES]) {
+  return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }
 
-static void integrate_element(const grouser_physics *block, const double *row, double belt, double sign,
-                              double center, int want_slopes, element_sums *sums) {
-  const double vx = row[GROUSER_VX], vy = row[GROUSER_VY], yaw_rate = row[GROUSER_YAW_RATE];
-  const double modulus = row[grouser_columns(block->mode) - 1];
-  const double length = block->contact_length / block->wheels;
-  const double soft_belt = sqrt(belt * belt + block->soft_speed * block->soft_speed);
-  const double direction = belt / soft_belt;
-  const double direction_slope = block->soft_speed * block->soft_speed / (soft_belt * soft_belt * soft_belt);
-
-  memset(sums, 0, sizeof *sums);
-  for (int i = 0; i < block->along; i++) {
-    const double offset = ((i + 0.5) / block->along - 0.5) * length;
-    const double x = center + offset;
-    const int continuous = block->contact == GROUSER_CONTINUOUS;
-    const double reach = continuous ? x - block->contact_center : offset;
-    const double travelled = (continuous ? block->contact_length : length) / 2 - direction * reach;
-    const double stretch = travelled / soft_belt / modulus;
-    const double stretch_slope = -direction_slope * reach / travelled - direction / soft_belt;
-    const double slip_y = vy + yaw_rate * x;
-    for (int j = 0; j < block->across; j++) {
-      const double y =
-          sign * (block->tread / 2 + ((j + 0.5) / block->across - 0.5) * block->track_width);
-      const double slip_x = vx - yaw_rate * y - belt;
-      const double ux = stretch * slip_x, uy = stretch * slip_y;
+GROUSER_CLONES
+static void add_forces(const element_motion *m, const cell_strip *strip, element_sums *sums) {
+  double fx_lane[LANES] = {0}, fy_lane[LANES] = {0}, m_lane[LANES] = {0};
+  const double gain = 1.0 / (m->soft_belt * m->modulus);
+  for (int first = 0; first < strip->lanes; first += LANES) {
+    for (int l = 0; l < LANES; l++) {
+      const double offset = strip->offset[first + l], y = strip->y[first + l];
+      const double x = m->center + offset;
+      const double stretch = strip->weight[first + l] * (m->half_travel - m->direction * (offset + m->reach)) * gain;
+      const double ux = stretch * (m->vx - m->yaw_rate * y - m->belt), uy = stretch * (m->vy + m->yaw_rate * x);
       const double z = sqrt(ux * ux + uy * uy);
-      double decay;
-      const double factor = shear_factor(z, &decay);
-      add_force(sums->force, x, y, -factor * ux, -factor * uy);
-      if (!want_slopes) continue;
-      /* dF = -(phi1 I + (exp(-z) - phi1) n n') du, n = u/|u|; along u itself the bracket is exp(-z). */
-      const double inverse = z > 0 ? 1 / z : 0.0;
-      const double nx = ux * inverse, ny = uy * inverse, bend = decay - factor;
+      const double factor = z > 0 ? expm1_negative(z) / (z > 0 ? z : 1.0) : -1.0;
+      const double fx = factor * ux, fy = factor * uy;
+      fx_lane[l] += fx;
+      fy_lane[l] += fy;
+      m_lane[l] += x * fy - y * fx;
+    }
+  }
+  sums->force[0] += lane_total(fx_lane);
+  sums->force[1] += lane_total(fy_lane);
+  sums->force[2] += lane_total(m_lane);
+}
+
+/* dF = -(phi1 I + (exp(-z) - phi1) n n') du, n = u/|u|; along u itself the bracket is exp(-z). The slopes by yaw rate
+ * follow from those by vx and vy at the cell. */
+GROUSER_CLONES
+static void add_slopes(const element_motion *m, const cell_strip *strip, element_sums *sums) {
+  double lane[SLOPES][GROUSER_OUTPUTS][LANES];
+  memset(lane, 0, sizeof lane);
+  const double gain = 1.0 / (m->soft_belt * m->modulus);
+  const double inverse_modulus = 1.0 / m->modulus;
+  for (int first = 0; first < strip->lanes; first += LANES) {
+    for (int l = 0; l < LANES; l++) {
+      const double offset = strip->offset[first + l], y = strip->y[first + l];
+      const double x = m->center + offset;
+      const double travelled = m->half_travel - m->direction * (offset + m->reach);
+      const double stretch = strip->weight[first + l] * travelled * gain;
+      const double stretch_slope =
+          -m->direction_slope * (offset + m->reach) / travelled - m->direction / m->soft_belt;
+      const double ux = stretch * (m->vx - m->yaw_rate * y - m->belt), uy = stretch * (m->vy + m->yaw_rate * x);
+      const double z = sqrt(ux * ux + uy * uy);
+      const double safe = z > 0 ? z : 1.0;
+      const double rise = expm1_negative(z);
+      const double factor = z > 0 ? -rise / safe : 1.0;
+      const double decay = 1.0 + rise;
+      const double nx = ux / safe, ny = uy / safe, bend = decay - factor;
       const double gxx = stretch * (factor + bend * nx * nx);
       const double gxy = stretch * bend * nx * ny;
       const double gyy = stretch * (factor + bend * ny * ny);
+      const double wx = gxy * x - gxx * y, wy = gyy * x - gxy * y;
       const double along_x = decay * ux, along_y = decay * uy;
-      add_force(sums->slope[BY_VX], x, y, -gxx, -gxy);
-      add_force(sums->slope[BY_VY], x, y, -gxy, -gyy);
-      add_force(sums->slope[BY_YAW_RATE], x, y, y * gxx - x * gxy, y * gxy - x * gyy);
-      add_force(sums->slope[BY_BELT], x, y, gxx - stretch_slope * along_x, gxy - stretch_slope * along_y);
-      add_force(sums->slope[BY_MODULUS], x, y, along_x / modulus, along_y / modulus);
+      const double bx = gxx - stretch_slope * along_x, by = gxy - stretch_slope * along_y;
+      const double kx = along_x * inverse_modulus, ky = along_y * inverse_modulus;
+      lane[BY_VX][0][l] -= gxx;
+      lane[BY_VX][1][l] -= gxy;
+      lane[BY_VX][2][l] -= x * gxy - y * gxx;
+      lane[BY_VY][1][l] -= gyy;
+      lane[BY_VY][2][l] -= x * gyy - y * gxy;
+      lane[BY_YAW_RATE][0][l] -= wx;
+      lane[BY_YAW_RATE][1][l] -= wy;
+      lane[BY_YAW_RATE][2][l] -= x * wy - y * wx;
+      lane[BY_BELT][0][l] += bx;
+      lane[BY_BELT][1][l] += by;
+      lane[BY_BELT][2][l] += x * by - y * bx;
+      lane[BY_MODULUS][0][l] += kx;
+      lane[BY_MODULUS][1][l] += ky;
+      lane[BY_MODULUS][2][l] += x * ky - y * kx;
+    }
+  }
+  memcpy(lane[BY_VY][0], lane[BY_VX][1], sizeof lane[BY_VY][0]);
+  for (int s = 0; s < SLOPES; s++)
+    for (int n = 0; n < GROUSER_OUTPUTS; n++) sums->slope[s][n] += lane_total(lane[s][n]);
+}
+
+/* Sums of every element of one track. */
+static void integrate_track(const grouser_physics *block, const double *row, double belt, double sign, int want_slopes,
+                            element_sums *sums) {
+  const double length = block->contact_length / block->wheels;
+  const double soft_square = block->soft_speed * block->soft_speed;
+  const int continuous = block->contact == GROUSER_CONTINUOUS;
+  element_motion m = {.vx = row[GROUSER_VX],
+                      .vy = row[GROUSER_VY],
+                      .yaw_rate = row[GROUSER_YAW_RATE],
+                      .belt = belt,
+                      .half_travel = (continuous ? block->contact_length : length) / 2,
+                      .soft_belt = sqrt(belt * belt + soft_square),
+                      .modulus = row[grouser_columns(block->mode) - 1]};
+  m.direction = belt / m.soft_belt;
+  m.direction_slope = soft_square / (m.soft_belt * m.soft_belt * m.soft_belt);
+  memset(sums, 0, sizeof *sums * (size_t)block->wheels);
+  for (int first = 0; first < block->along * block->across; first += STRIP) {
+    cell_strip strip;
+    fill_strip(block, sign, first, &strip);
+    for (int i = 0; i < block->wheels; i++) {
+      const double from_middle = (i - (block->wheels - 1) / 2.0) * length;
+      m.center = block->contact_center + from_middle;
+      m.reach = continuous ? from_middle : 0.0;
+      add_forces(&m, &strip, &sums[i]);
+      if (want_slopes) add_slopes(&m, &strip, &sums[i]);
     }
   }
 }
@@ -176,23 +289,22 @@ void grouser_physics_track(const grouser_physics *block, const double *x, enum g
     }
   }
 
+  element_sums sums[GROUSER_MAX_WHEELS];
+  integrate_track(block, x, belt, sign, jacobian != NULL, sums);
   for (int i = 0; i < block->wheels; i++) {
     const double load = track_load * share[i];
     const strength s = shear_strength(block, terrain, load);
-    const double center = block->contact_center + (i - (block->wheels - 1) / 2.0) * length;
-    element_sums sums;
-    integrate_element(block, x, belt, sign, center, jacobian != NULL, &sums);
     const double scale = s.stress * cell_area;
-    for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += scale * sums.force[n];
+    for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += scale * sums[i].force[n];
     if (!jacobian) continue;
     for (int n = 0; n < GROUSER_OUTPUTS; n++) {
       double *slope = jacobian + n * columns;
-      const double unit = sums.force[n] * cell_area;
-      slope[GROUSER_VX] += scale * sums.slope[BY_VX][n];
-      slope[GROUSER_VY] += scale * sums.slope[BY_VY][n];
-      slope[GROUSER_YAW_RATE] += scale * sums.slope[BY_YAW_RATE][n];
-      slope[belt_column] += scale * sums.slope[BY_BELT][n];
-      slope[columns - 1] += scale * sums.slope[BY_MODULUS][n];
+      const double unit = sums[i].force[n] * cell_area;
+      slope[GROUSER_VX] += scale * sums[i].slope[BY_VX][n];
+      slope[GROUSER_VY] += scale * sums[i].slope[BY_VY][n];
+      slope[GROUSER_YAW_RATE] += scale * sums[i].slope[BY_YAW_RATE][n];
+      slope[belt_column] += scale * sums[i].slope[BY_BELT][n];
+      slope[columns - 1] += scale * sums[i].slope[BY_MODULUS][n];
       slope[GROUSER_AX] += unit * s.by_load * track_load * share_by_ax[i];
       slope[GROUSER_AY] += unit * s.by_load * load_by_ay * share[i];
       for (int p = 0; p < strength_columns; p++) slope[GROUSER_TERRAIN + p] += unit * s.by_parameter[p];

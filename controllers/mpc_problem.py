@@ -1,0 +1,366 @@
+"""The optimal control problem of path tracking: cost, constraints, and solving it with CasADi."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final, Literal, Protocol
+
+import numpy as np
+
+from ..terrain import FloatArray, TrackedVehicle, missing_extra, unknown_name
+from ..terrain.parameters import require_in
+from .slip_model import PredictionModel, SlipParameters
+
+FailureAction = Literal["shift", "brake"]
+SolverName = Literal["fatrop", "ipopt", "hpipm", "qrqp"]
+SOLVERS: Final = ("fatrop", "ipopt", "hpipm", "qrqp")
+FAILURE_ACTIONS: Final = ("shift", "brake")
+
+#: Reference of a stage: x, y, cos and sin of the path's heading, heading to hold, speed, room to the right and left.
+REFERENCE_SIZE: Final = 8
+_STATES: Final = 6
+_INPUTS: Final = 3
+_STAGE_ROWS: Final = _STATES + 6
+_FEASIBLE: Final = 1e-5
+
+
+@dataclass(frozen=True)
+class MPCConfig:
+    """Settings of :class:`~grouser.controllers.PathTrackingMPC`. Weights multiply squares of SI values.
+
+    Parameters
+    ----------
+    speed : float
+        Target speed in m/s, in (0, training speed].
+    lateral_acceleration : float
+        Limit on speed² · curvature of the reference in m/s²; by default none.
+    stop_at_end : bool
+        Whether to come to rest at the end of an open path.
+    horizon : int
+        N, stages.
+    period : float
+        Length of a stage in s, which is the control period and the deadline.
+    solver : {"fatrop", "ipopt", "hpipm", "qrqp"}
+        Interior points with the exact Hessian (fatrop uses the stage structure, ipopt does not), or Gauss-Newton
+        sequential quadratic programming with the quadratic solver of that name.
+    max_iterations : int
+        Of the solver.
+    tolerance : float
+        Of the solver.
+    lateral, longitudinal, heading, speed_weight, belt_acceleration : float
+        Weights of cross-track error, error along the path, heading error, speed error, and belt acceleration.
+    terminal : float
+        Factor on the errors of the last stage.
+    slack_linear, slack_quadratic : float
+        Price of each metre, and squared metre, beyond the corridor.
+    half_width : float
+        Room for the CG to either side of the path in m, where the path has no lane.
+    on_failure : {"shift", "brake"}
+        What is applied where a solve fails: the next move of the last good plan, at most ``shift_limit`` times in a
+        row, and then as ``brake``: belts ramped to rest with ``brake_deceleration``, their ratio kept.
+    shift_limit : int
+        See ``on_failure``.
+    brake_deceleration : float
+        Of the faster belt, in m/s².
+
+    Raises
+    ------
+    ConfigurationError
+        If a name is unknown.
+    InvalidInputError
+        If a number is out of range.
+    """
+
+    speed: float = 5.0
+    lateral_acceleration: float = math.inf
+    stop_at_end: bool = False
+    horizon: int = 20
+    period: float = 0.1
+    solver: SolverName = "fatrop"
+    max_iterations: int = 60
+    tolerance: float = 1e-6
+    lateral: float = 10.0
+    longitudinal: float = 0.5
+    heading: float = 5.0
+    speed_weight: float = 2.0
+    belt_acceleration: float = 0.02
+    terminal: float = 3.0
+    slack_linear: float = 50.0
+    slack_quadratic: float = 500.0
+    half_width: float = 1.0
+    on_failure: FailureAction = "shift"
+    shift_limit: int = 5
+    brake_deceleration: float = 2.0
+
+    def __post_init__(self) -> None:
+        if self.solver not in SOLVERS:
+            raise unknown_name("solver", self.solver, SOLVERS)
+        if self.on_failure not in FAILURE_ACTIONS:
+            raise unknown_name("failure action", self.on_failure, FAILURE_ACTIONS)
+        require_in("horizon", self.horizon, 2, 500)
+        require_in("max_iterations", self.max_iterations, 1, 10_000)
+        require_in("shift_limit", self.shift_limit, 0, self.horizon - 1)
+        for name in ("lateral", "longitudinal", "heading", "speed_weight", "slack_linear", "half_width"):
+            require_in(name, getattr(self, name), 0.0, 1e6)
+        for name in ("speed", "period", "tolerance", "terminal", "belt_acceleration", "slack_quadratic"):
+            require_in(name, getattr(self, name), 0.0, 1e6, low_open=True)
+        require_in("lateral_acceleration", self.lateral_acceleration, 0.0, math.inf, low_open=True)
+        require_in("brake_deceleration", self.brake_deceleration, 0.0, 1e3, low_open=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a solver returned, and what the next solve starts from.
+
+    Parameters
+    ----------
+    states : ndarray
+        Predicted x, y, heading, yaw rate and belt speeds, shape (N + 1, 6); x, y relative to the vehicle.
+    inputs : ndarray
+        Belt-speed commands and slack, shape (N, 3).
+    bound_multipliers : ndarray
+        Of the variables in their order x₀, u₀, x₁, …, x_N, shape (9 N + 6,).
+    constraint_multipliers : ndarray
+        Shape (12 N + 6,).
+    objective : float
+        Cost reached.
+    status : str
+        In the solver's words.
+    success : bool
+        Whether the solver converged and its point is finite and feasible.
+    iterations : int
+        Of the solver.
+    """
+
+    states: FloatArray
+    inputs: FloatArray
+    bound_multipliers: FloatArray
+    constraint_multipliers: FloatArray
+    objective: float = math.nan
+    status: str = "guess"
+    success: bool = False
+    iterations: int = 0
+
+
+class Solver(Protocol):
+    """Whatever solves the problem for its parameters from a guess."""
+
+    def __call__(self, parameters: FloatArray, guess: Solution) -> Solution:
+        """Return the solution; ``success`` says whether it may be applied."""
+
+
+class TrackingProblem:
+    """Multiple shooting on :class:`~grouser.controllers.slip_model.PredictionModel`.
+
+    Parameters of the problem are the initial state (6) and the references of N + 1 stages (8 each). The constraints of
+    a stage are the gap to the model's next state, the belt acceleration |u − V| ≤ a T_d (which keeps the driveline in
+    its linear range, where the prediction is exact), and the room at the front and rear of the contact length, widened
+    by the slack. Stage 0 also holds the initial state, right after its gap.
+
+    Parameters
+    ----------
+    vehicle : TrackedVehicle
+        The vehicle.
+    slip : SlipParameters
+        How belt speeds become motion.
+    config : MPCConfig
+        Horizon, weights, solver.
+
+    Raises
+    ------
+    ConfigurationError
+        If CasADi is not installed.
+    """
+
+    def __init__(self, vehicle: TrackedVehicle, slip: SlipParameters, config: MPCConfig) -> None:
+        try:
+            import casadi
+        except ImportError as error:
+            raise missing_extra("casadi", "mpc") from error
+        self.vehicle: Final = vehicle
+        self.config: Final = config
+        self.model: Final = PredictionModel(vehicle, slip, config.period)
+        self._lower_g: list[float] = []
+        self._upper_g: list[float] = []
+        problem, residual = self._formulate(casadi)
+        plugin, options = _solver_options(casadi, config, problem, residual)
+        if plugin == "fatrop":
+            options |= {
+                "structure_detection": "manual",
+                "N": config.horizon,
+                "nx": [_STATES] * (config.horizon + 1),
+                "nu": [_INPUTS] * config.horizon + [0],
+                "ng": [_STAGE_ROWS] + [_STAGE_ROWS - _STATES] * (config.horizon - 1) + [0],
+                "equality": [low == high for low, high in zip(self._lower_g, self._upper_g, strict=True)],
+            }
+        self._nlp: Final = casadi.nlpsol("path_tracking", plugin, problem, options)
+        top = [vehicle.training_speed, vehicle.training_speed, math.inf]
+        free = [math.inf] * _STATES
+        bottom = [-vehicle.training_speed, -vehicle.training_speed, 0.0]
+        self._upper_x: Final = np.array([*(free + top) * config.horizon, *free])
+        self._lower_x: Final = np.array([*([-v for v in free] + bottom) * config.horizon, *[-v for v in free]])
+
+    def _formulate(self, casadi: Any) -> tuple[dict[str, Any], Any]:
+        config, sx = self.config, casadi.SX
+        count = config.horizon
+        start = sx.sym("start", _STATES)
+        references = sx.sym("reference", REFERENCE_SIZE, count + 1)
+        states = [sx.sym(f"x{k}", _STATES) for k in range(count + 1)]
+        inputs = [sx.sym(f"u{k}", _INPUTS) for k in range(count)]
+        swing = self.vehicle.belt_acceleration * self.vehicle.belt_time_constant
+        residuals: list[Any] = []
+        rows: list[Any] = []
+
+        def constrain(row: Any, low: float, high: float) -> None:
+            rows.append(row)
+            self._lower_g += [low] * row.numel()
+            self._upper_g += [high] * row.numel()
+
+        for k, (state, move) in enumerate(zip(states, inputs, strict=False)):
+            belts, slack, reference = state[4:6], move[2], references[:, k]
+            constrain(states[k + 1] - casadi.vertcat(*self._step(casadi, state, move)), 0.0, 0.0)
+            if k == 0:
+                constrain(state - start, 0.0, 0.0)
+            constrain(move[:2] - belts, -swing, swing)
+            for reach in (0.5, -0.5):
+                aside = self._errors(casadi, state, reference, reach * self.vehicle.contact_length)[0]
+                constrain(aside - slack - reference[7], -math.inf, 0.0)
+                constrain(aside + slack + reference[6], 0.0, math.inf)
+            ease = math.sqrt(config.belt_acceleration) / self.vehicle.belt_time_constant
+            residuals += [ease * (move[0] - belts[0]), ease * (move[1] - belts[1])]
+            residuals.append(math.sqrt(config.slack_quadratic) * slack)
+            if k > 0:
+                residuals += self._weighted(casadi, state, reference, 1.0)
+        residuals += self._weighted(casadi, states[-1], references[:, -1], config.terminal)
+
+        residual = casadi.vertcat(*residuals)
+        slope = config.slack_linear * sum(move[2] for move in inputs)
+        pairs = [part for pair in zip(states, inputs, strict=False) for part in pair]
+        problem = {
+            "x": casadi.vertcat(*pairs, states[-1]),
+            "p": casadi.vertcat(start, casadi.vec(references)),
+            "f": casadi.sumsqr(residual) + slope,
+            "g": casadi.vertcat(*rows),
+        }
+        return problem, residual
+
+    def _step(self, casadi: Any, state: Any, move: Any) -> list[Any]:
+        return self.model.step([state[i] for i in range(_STATES)], [move[0], move[1]], casadi)
+
+    def _errors(self, casadi: Any, state: Any, reference: Any, ahead: float) -> tuple[Any, Any]:
+        """Return the distance to the left of the path, and along it, of the point ``ahead`` m ahead of the CG."""
+        dx = state[0] + ahead * casadi.cos(state[2]) - reference[0]
+        dy = state[1] + ahead * casadi.sin(state[2]) - reference[1]
+        return reference[2] * dy - reference[3] * dx, reference[2] * dx + reference[3] * dy
+
+    def _weighted(self, casadi: Any, state: Any, reference: Any, factor: float) -> list[Any]:
+        config = self.config
+        lateral, longitudinal = self._errors(casadi, state, reference, 0.0)
+        speed = self.model.slip.longitudinal_gain * (state[4] + state[5]) / 2
+        weighted = (
+            (config.lateral, lateral),
+            (config.longitudinal, longitudinal),
+            (config.heading, state[2] - reference[4]),
+            (config.speed_weight, speed - reference[5]),
+        )
+        return [math.sqrt(factor * weight) * error for weight, error in weighted]
+
+    def __call__(self, parameters: FloatArray, guess: Solution) -> Solution:
+        """Solve for the parameters, shape (6 + 8 (N + 1),), from a guess."""
+        count, width = self.config.horizon, _STATES + _INPUTS
+        start = np.append(np.hstack([guess.states[:-1], guess.inputs]).ravel(), guess.states[-1])
+        result = self._nlp(
+            x0=start,
+            p=parameters,
+            lbx=self._lower_x,
+            ubx=self._upper_x,
+            lbg=self._lower_g,
+            ubg=self._upper_g,
+            lam_x0=guess.bound_multipliers,
+            lam_g0=guess.constraint_multipliers,
+        )
+        stats = self._nlp.stats()
+        x, g, lam_x, lam_g = (np.asarray(result[name], dtype=np.float64).ravel() for name in ("x", "g", "lam_x", "lam_g"))
+        status, success = str(stats["return_status"]), bool(stats["success"])
+        # A solver's own word is not enough: one has been seen to claim success for a point that breaks the constraints.
+        excess = max(_excess(x, self._lower_x, self._upper_x), _excess(g, self._lower_g, self._upper_g))
+        if success and not excess <= _FEASIBLE:
+            status, success = f"{status}, but infeasible by {excess:.1g}", False
+        stages = x[: count * width].reshape(count, width)
+        return Solution(
+            states=np.vstack([stages[:, :_STATES], x[count * width :]]),
+            inputs=stages[:, _STATES:].copy(),
+            bound_multipliers=lam_x,
+            constraint_multipliers=lam_g,
+            objective=float(result["f"]),
+            status=status,
+            success=success,
+            iterations=int(stats["iter_count"]),
+        )
+
+    def cold_guess(self, states: FloatArray, inputs: FloatArray) -> Solution:
+        """Return a guess of states (N + 1, 6) and commands (N, 2) without multipliers."""
+        size = states.size + len(inputs) * _INPUTS
+        rows = _STAGE_ROWS * len(inputs) + _STATES
+        slack = np.zeros((len(inputs), 1))
+        return Solution(states, np.hstack([inputs, slack]), np.zeros(size), np.zeros(rows))
+
+    def shifted(self, solution: Solution) -> Solution:
+        """Return the solution one period on, as a guess: everything moves up a stage, the last stage repeats."""
+        width = _STATES + _INPUTS
+        last = np.array(self.model.step(list(solution.states[-1]), list(solution.inputs[-1, :2])))
+        bounds = solution.bound_multipliers
+        rows = solution.constraint_multipliers
+        head = _STAGE_ROWS + _STATES
+        # Stage 0 alone holds the initial state, between its gap and the rest.
+        tail = rows[head:]
+        return Solution(
+            states=np.vstack([solution.states[1:], last]),
+            inputs=np.vstack([solution.inputs[1:], solution.inputs[-1:]]),
+            bound_multipliers=np.concatenate([bounds[width:-_STATES], bounds[-width - _STATES : -_STATES], bounds[-_STATES:]]),
+            constraint_multipliers=np.concatenate(
+                [tail[:_STATES], rows[_STATES : 2 * _STATES], tail[_STATES:], tail[-_STAGE_ROWS:]]
+            ),
+        )
+
+
+def _excess(values: FloatArray, low: Any, high: Any) -> float:
+    """By how much the values leave their bounds; infinite where one is not a number."""
+    excess = float(np.max(np.maximum(low - values, values - high)))
+    return math.inf if math.isnan(excess) else excess
+
+
+def _solver_options(
+    casadi: Any, config: MPCConfig, problem: dict[str, Any], residual: Any
+) -> tuple[str, dict[str, Any]]:
+    """Return CasADi's plugin and its options."""
+    common: dict[str, Any] = {"print_time": False, "error_on_fail": False, "expand": True}
+    limit, tolerance = config.max_iterations, config.tolerance
+    if config.solver == "fatrop":
+        return "fatrop", common | {"fatrop": {"print_level": 0, "max_iter": limit, "tolerance": tolerance, "mu_init": 1e-3}}
+    if config.solver == "ipopt":
+        pushes = dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push"), 1e-6)
+        options = {f"warm_start_{name}": push for name, push in pushes.items()}
+        options |= {"print_level": 0, "sb": "yes", "max_iter": limit, "tol": tolerance, "mu_init": 1e-3}
+        return "ipopt", common | {"ipopt": options | {"warm_start_init_point": "yes"}}
+    x, p = problem["x"], problem["p"]
+    price, multipliers = casadi.SX.sym("price"), casadi.SX.sym("multipliers", problem["g"].numel())
+    slope = casadi.jacobian(residual, x)
+    hessian = casadi.Function("gauss_newton", [x, p, price, multipliers], [casadi.triu(2 * price * (slope.T @ slope))])
+    quiet = (
+        {"hpipm": {"iter_max": 100}}
+        if config.solver == "hpipm"
+        else {"print_iter": False, "print_header": False, "print_info": False}
+    )
+    return "sqpmethod", common | {
+        "qpsol": config.solver,
+        "qpsol_options": quiet | {"error_on_fail": False},
+        "hess_lag": hessian,
+        "max_iter": limit,
+        "tol_pr": tolerance,
+        "tol_du": tolerance,
+        "print_header": False,
+        "print_iteration": False,
+        "print_status": False,
+    }

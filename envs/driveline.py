@@ -1,0 +1,73 @@
+"""How the belts follow their commands: a rate-limited first-order lag, integrated exactly."""
+
+from __future__ import annotations
+
+import math
+
+from ..terrain import InvalidInputError, TrackedVehicle
+from .state import BeltCommand
+
+
+def advance_belt(speed: float, command: float, elapsed: float, *, time_constant: float, acceleration: float) -> float:
+    """Return the belt speed after ``elapsed`` s under a constant command.
+
+    dV/dt = clip((u − V)/T_d, ±a): while the gap exceeds a·T_d the belt ramps, then it closes in exponentially.
+
+    Parameters
+    ----------
+    speed, command : float
+        V and u in m/s.
+    elapsed : float
+        In s.
+    time_constant : float
+        T_d in s.
+    acceleration : float
+        a in m/s².
+
+    Examples
+    --------
+    >>> advance_belt(0.0, 10.0, 0.5, time_constant=0.2, acceleration=4.0)
+    2.0
+    """
+    gap = command - speed
+    direction = math.copysign(1.0, gap)
+    linear_gap = acceleration * time_constant
+    ramp_time = (abs(gap) - linear_gap) / acceleration
+    if ramp_time >= elapsed:
+        return speed + direction * acceleration * elapsed
+    if ramp_time > 0:
+        return command - direction * linear_gap * math.exp(-(elapsed - ramp_time) / time_constant)
+    return command - gap * math.exp(-elapsed / time_constant)
+
+
+def advance_belts(
+    vehicle: TrackedVehicle, belts: tuple[float, float], command: BeltCommand, elapsed: float
+) -> tuple[float, float]:
+    """Return both belt speeds in m/s after ``elapsed`` s."""
+    left, right = (
+        advance_belt(
+            speed,
+            target,
+            elapsed,
+            time_constant=vehicle.belt_time_constant,
+            acceleration=vehicle.belt_acceleration,
+        )
+        for speed, target in zip(belts, command, strict=True)
+    )
+    return left, right
+
+
+def check_command(vehicle: TrackedVehicle, command: BeltCommand) -> BeltCommand:
+    """Return the command, once it is seen to be two finite speeds that the drive can reach.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not.
+    """
+    limit = vehicle.maximum_speed
+    if len(command) != 2 or not all(-limit <= speed <= limit for speed in command):
+        raise InvalidInputError(
+            f"a belt command is two speeds in [{-limit:g}, {limit:g}] m/s ({vehicle.name}), got {tuple(command)}"
+        )
+    return command

@@ -1,0 +1,269 @@
+"""The vehicle on its path, seen from above: frames as arrays, or a window."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..terrain import FloatArray, InvalidInputError, TrackedVehicle, unknown_name
+from ..terrain.parameters import require_in
+from .canvas import Canvas, Color, blend
+from .path import Path
+from .state import VehicleState
+
+RenderMode = Literal["rgb_array", "human"]
+RENDER_MODES: Final[tuple[RenderMode, ...]] = get_args(RenderMode)
+
+_GROUND: Final[Color] = (186, 170, 140)
+_GRID: Final[Color] = (178, 161, 131)
+_LANE: Final[Color] = (203, 190, 163)
+_EDGE: Final[Color] = (240, 236, 226)
+_CONE: Final[Color] = (232, 101, 32)
+_RUT: Final[Color] = (158, 140, 109)
+_PATH: Final[Color] = (38, 92, 168)
+_TRAIL: Final[Color] = (136, 66, 20)
+_BELT: Final[Color] = (66, 66, 64)
+_BELT_SLIPPING: Final[Color] = (226, 52, 36)
+_BAR: Final[Color] = (22, 22, 22)
+_HULL: Final[Color] = (94, 108, 72)
+_HULL_DARK: Final[Color] = (66, 78, 50)
+_HULL_LIGHT: Final[Color] = (124, 138, 98)
+_ARROW: Final[Color] = (252, 214, 60)
+_INK: Final[Color] = (34, 32, 28)
+_PAPER: Final[Color] = (246, 242, 232)
+
+_VEHICLES_PER_VIEW: Final = 6.0
+_BARS_PER_TRACK: Final = 9
+_ARROW_SECONDS: Final = 0.5
+_FULL_SLIP: Final = 0.2
+"""Slip speed, over the training speed, at which a belt is drawn fully red."""
+
+
+class Renderer:
+    """Draws a vehicle on its path from above, to scale; the camera follows it, the plane's x axis to the right.
+
+    The vehicle covers its contact length by its overall width. The bars move as the upper run of the belt does, and
+    a belt reddens with its slip speed. The arrow shows half a second of the CG's velocity.
+
+    Parameters
+    ----------
+    path : Path
+        The path; its corridor is drawn where it has one.
+    vehicle : TrackedVehicle
+        The vehicle.
+    mode : {"rgb_array", "human"}
+        Frames as arrays, which needs no display, or a window.
+    size : tuple of int
+        Width and height in pixels.
+    fps : float
+        Frames a second that a window keeps to.
+
+    Raises
+    ------
+    ConfigurationError
+        If the mode is unknown or pygame is not installed.
+    InvalidInputError
+        If a size or the frame rate is impossible.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        vehicle: TrackedVehicle,
+        mode: RenderMode = "rgb_array",
+        size: tuple[int, int] = (960, 540),
+        fps: float = 10.0,
+    ) -> None:
+        if mode not in RENDER_MODES:
+            raise unknown_name("render mode", mode, RENDER_MODES)
+        for name, pixels in zip(("width", "height"), size, strict=True):
+            require_in(name, pixels, 64, 8192)
+        require_in("fps", fps, 0.0, 1000.0, low_open=True)
+        self._path, self._vehicle, self._mode, self._fps = path, vehicle, mode, fps
+        self._extent = max(vehicle.contact_length, vehicle.overall_width)
+        self._canvas = Canvas((int(size[0]), int(size[1])), _VEHICLES_PER_VIEW * self._extent)
+        dash = 0.3 * self._extent
+        starts = np.arange(0.0, path.length, 2 * dash)
+        self._dashes = np.stack(path.sample(starts[:, None] + np.linspace(0.0, dash, 5))[:2], axis=-1)
+        self._window: Any = None
+        self._clock: Any = None
+        self._closed = False
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the driven trail and the position of the belts."""
+        self._poses: list[tuple[float, float, float]] = []
+        self._belts = [0.0, 0.0]
+        self._time: float | None = None
+
+    def draw(
+        self, state: VehicleState, trail: Sequence[tuple[float, float]] | None = None, label: str = ""
+    ) -> NDArray[np.uint8] | None:
+        """Draw one frame.
+
+        Parameters
+        ----------
+        state : VehicleState
+            What to draw. A time before that of the last frame begins a new drive.
+        trail : sequence of (x, y), optional
+            Driven path of the CG in m; by default through the states drawn since the last :meth:`reset`.
+        label : str
+            A line of text for the panel, such as the ground and the backend.
+
+        Returns
+        -------
+        ndarray or None
+            Shape (height, width, 3), uint8, in mode ``rgb_array``; None in mode ``human``, where closing the window
+            makes further calls do nothing.
+
+        Raises
+        ------
+        InvalidInputError
+            If the renderer was closed, in mode ``rgb_array``.
+        """
+        if self._closed:
+            if self._mode == "human":
+                return None
+            raise InvalidInputError("this renderer was closed; make a new one")
+        self._remember(state)
+        self._canvas.start((state.x, state.y), _GROUND)
+        self._draw_ground()
+        self._draw_trail([*(pose[:2] for pose in self._poses), (state.x, state.y)] if trail is None else trail)
+        slips = self._slip_speeds(state)
+        self._draw_vehicle(state, slips)
+        self._canvas.finish()
+        self._canvas.ruler(_round_length(0.4 * float(self._canvas.reach[0])), _INK)
+        rows: list[tuple[str, ...]] = [(label,)] if label else []
+        rows += [
+            ("time", f"{state.time:.2f} s"),
+            ("speed", f"{math.hypot(state.vx, state.vy):.2f} m/s"),
+            ("yaw rate", f"{state.yaw_rate:+.2f} rad/s"),
+            ("belts", f"L {state.v_left:+.2f}", f"R {state.v_right:+.2f}", "m/s"),
+            ("slip", f"L {slips[0]:+.2f}", f"R {slips[1]:+.2f}", "m/s"),
+        ]
+        self._canvas.panel(rows, _INK, _PAPER)
+        if self._mode == "human":
+            self._show()
+            return None
+        return self._canvas.to_array()
+
+    def close(self) -> None:
+        """Close the window, if there is one; calling it again does nothing."""
+        self._closed = True
+        if self._window is not None:
+            self._window = None
+            self._canvas.pygame.display.quit()
+
+    def _remember(self, state: VehicleState) -> None:
+        if self._time is not None and state.time < self._time:
+            self.reset()
+        elapsed = 0.0 if self._time is None else state.time - self._time
+        self._time = state.time
+        for side, speed in enumerate((state.v_left, state.v_right)):
+            self._belts[side] += speed * elapsed
+        if not self._poses or math.dist(self._poses[-1][:2], (state.x, state.y)) > 0.1 * self._extent:
+            self._poses.append((state.x, state.y, state.heading))
+
+    def _slip_speeds(self, state: VehicleState) -> tuple[float, float]:
+        """Belt speed minus the forward ground speed of the track's centreline, in m/s, left and right."""
+        half = self._vehicle.tread / 2
+        left, right = state.vx - state.yaw_rate * half, state.vx + state.yaw_rate * half
+        return state.v_left - left, state.v_right - right
+
+    def _draw_ground(self) -> None:
+        canvas, size = self._canvas, self._extent
+        step = _round_length(2.0 * size)
+        low, high = canvas.center - canvas.reach, canvas.center + canvas.reach
+        for x in np.arange(math.ceil(low[0] / step), high[0] / step) * step:
+            canvas.line(_GRID, [(x, low[1]), (x, high[1])], 0.0)
+        for y in np.arange(math.ceil(low[1] / step), high[1] / step) * step:
+            canvas.line(_GRID, [(low[0], y), (high[0], y)], 0.0)
+        for lane in self._path.corridor.lanes if self._path.corridor else ():
+            if lane.end < low[0] or lane.start > high[0]:
+                continue
+            right, left = ([(lane.start, y), (lane.end, y)] for y in (lane.right, lane.left))
+            canvas.polygon(_LANE, right + left[::-1])
+            for edge in (right, left):
+                canvas.line(_EDGE, edge, 0.025 * size)
+                for cone in np.linspace(*edge, max(2, round((lane.end - lane.start) / 5) + 1)):
+                    for color, radius in ((_CONE, 0.07), (_EDGE, 0.045), (_CONE, 0.025)):
+                        canvas.circle(color, cone, radius * size)
+
+    def _draw_trail(self, trail: Sequence[tuple[float, float]]) -> None:
+        canvas, vehicle = self._canvas, self._vehicle
+        poses = np.array(self._poses)
+        left = np.column_stack([-np.sin(poses[:, 2]), np.cos(poses[:, 2])])
+        for y in (-vehicle.tread / 2, vehicle.tread / 2):
+            near, far = y - vehicle.track_width / 2, y + vehicle.track_width / 2
+            canvas.ribbon(_RUT, poses[:, :2] + near * left, poses[:, :2] + far * left)
+        for dash in self._dashes[canvas.visible(self._dashes, 0.0).any(axis=1)]:
+            canvas.line(_PATH, dash, 0.04 * self._extent)
+        canvas.line(_TRAIL, trail, 0.025 * self._extent)
+
+    def _draw_vehicle(self, state: VehicleState, slips: tuple[float, float]) -> None:
+        canvas, vehicle = self._canvas, self._vehicle
+        cosine, sine = math.cos(state.heading), math.sin(state.heading)
+        turn = np.array([[cosine, sine], [-sine, cosine]])
+
+        def body(points: ArrayLike) -> FloatArray:
+            placed: FloatArray = np.asarray(points, dtype=np.float64) @ turn + (state.x, state.y)
+            return placed
+
+        def box(rear: float, front: float, right: float, left: float) -> FloatArray:
+            return body([(rear, right), (front, right), (front, left), (rear, left)])
+
+        length, width = vehicle.contact_length, vehicle.track_width
+        rear, front = vehicle.contact_center - length / 2, vehicle.contact_center + length / 2
+        pitch = length / _BARS_PER_TRACK
+        for y, slip, moved in zip((vehicle.tread / 2, -vehicle.tread / 2), slips, self._belts, strict=True):
+            share = abs(slip) / (_FULL_SLIP * vehicle.training_speed)
+            canvas.polygon(blend(_BELT, _BELT_SLIPPING, share), box(rear, front, y - width / 2, y + width / 2))
+            for bar in rear + moved % pitch + pitch * np.arange(_BARS_PER_TRACK):
+                thick = min(0.25 * pitch, front - bar)
+                canvas.polygon(_BAR, box(bar, bar + thick, y - width / 2, y + width / 2))
+        inner = vehicle.tread / 2 - 0.4 * width
+        nose = front - 0.14 * length
+        glacis = [(nose, -inner), (front, -0.8 * inner), (front, 0.8 * inner), (nose, inner)]
+        canvas.polygon(_HULL, box(rear, nose, -inner, inner))
+        canvas.polygon(_HULL_LIGHT, body(glacis))
+        canvas.polygon(_HULL_DARK, box(rear + 0.07 * length, rear + 0.4 * length, -0.6 * inner, 0.6 * inner))
+        canvas.circle(_HULL_DARK, body((rear + 0.62 * length, 0.4 * inner)), 0.28 * inner)
+        self._draw_arrow(state, body)
+
+    def _draw_arrow(self, state: VehicleState, body: Callable[[ArrayLike], FloatArray]) -> None:
+        speed = math.hypot(state.vx, state.vy)
+        length = speed * _ARROW_SECONDS
+        if length < 0.05 * self._extent:
+            return
+        along = np.array([state.vx, state.vy]) / speed
+        across = np.array([-along[1], along[0]])
+        head = min(0.22 * self._extent, length)
+        tip, neck, half = length * along, (length - head) * along, 0.025 * self._extent * across
+        spread = 0.4 * head * across
+        self._canvas.polygon(_ARROW, body([half, neck + half, neck + spread, tip, neck - spread, neck - half, -half]))
+        self._canvas.circle(_ARROW, (state.x, state.y), 0.05 * self._extent)
+
+    def _show(self) -> None:
+        pygame = self._canvas.pygame
+        if self._window is None:
+            pygame.display.init()
+            self._window = pygame.display.set_mode(self._canvas.size)
+            pygame.display.set_caption(f"grouser: {self._vehicle.name}, {self._path.name}")
+            self._clock = pygame.time.Clock()
+        # Reading events is also what keeps the window responsive.
+        if any(event.type == pygame.QUIT for event in pygame.event.get()):
+            self.close()
+            return
+        self._window.blit(self._canvas.frame, (0, 0))
+        pygame.display.flip()
+        self._clock.tick(self._fps)
+
+
+def _round_length(limit: float) -> float:
+    """Largest of 1, 2, 5 times a power of ten that is not above the limit."""
+    power: float = 10.0 ** math.floor(math.log10(limit))
+    return max(power * factor for factor in (1, 2, 5) if power * factor <= limit * (1 + 1e-9))

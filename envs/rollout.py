@@ -1,0 +1,79 @@
+"""One rollout for every driver: data generation, baselines, MPC, policies and comparisons all come through here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..terrain import InvalidInputError
+from .log import InterfaceLog, LogRecorder
+from .simulator import Simulator
+from .state import Driver, VehicleState
+
+
+def whole_ratio(larger: float, smaller: float, names: str) -> int:
+    """Return ``larger / smaller`` where it is a whole number of at least 1.
+
+    Parameters
+    ----------
+    larger, smaller : float
+        Two periods in s.
+    names : str
+        What they are, for the error.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not.
+    """
+    ratio = round(larger / smaller) if smaller > 0 else 0
+    if ratio < 1 or abs(larger - ratio * smaller) > 1e-9 * smaller:
+        raise InvalidInputError(f"{names} must divide without remainder, got {larger:g} s and {smaller:g} s")
+    return ratio
+
+
+def rollout(
+    simulator: Simulator,
+    driver: Driver,
+    duration: float,
+    *,
+    control_period: float = 0.1,
+    until: Callable[[VehicleState], bool] | None = None,
+) -> InterfaceLog:
+    """Let a driver drive a simulator and log the interface.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Starts from the state it has.
+    driver : Driver
+        Reset first, then asked for a command once a control period.
+    duration : float
+        In s, a multiple of the tick.
+    control_period : float
+        In s, a multiple of the tick.
+    until : callable, optional
+        Ends the drive early once it holds of the state at a control instant.
+
+    Returns
+    -------
+    InterfaceLog
+
+    Raises
+    ------
+    InvalidInputError
+        If the periods do not divide.
+    SimulationDivergedError
+        If a tick was not solved.
+    """
+    ticks = whole_ratio(duration, simulator.tick, "duration and tick")
+    hold = whole_ratio(control_period, simulator.tick, "control period and tick")
+    recorder = LogRecorder(simulator)
+    driver.reset()
+    for index in range(ticks):
+        if index % hold == 0:
+            state = simulator.get_state()
+            if until is not None and until(state):
+                break
+            command = driver.command(state)
+        recorder.append(command, simulator.step(command))
+    return recorder.finish()

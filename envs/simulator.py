@@ -1,0 +1,207 @@
+"""The vehicle simulator: belts, body, pose, acceleration memory and guard, one tick at a time."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ..terrain import (
+    ConfigurationError,
+    Detection,
+    FloatArray,
+    ForceBackend,
+    Ground,
+    GuardedBackend,
+    GuardState,
+    InvalidInputError,
+    SimulationDivergedError,
+    TrackedVehicle,
+    make_backend,
+    resolve_vehicle,
+    unknown_name,
+)
+from .driveline import advance_belts, check_command
+from .state import BeltCommand, VehicleState
+from .tick import INTEGRATORS, BodyStep, ForceFunction, Integrator, explicit_step, implicit_step, tolerance
+
+
+class TickRecord(NamedTuple):
+    """What one tick did.
+
+    Parameters
+    ----------
+    row : ndarray, shape (d,)
+        What the block received in the accepted evaluation.
+    forces : ndarray, shape (3,)
+        What it returned: the force that moved the vehicle.
+    state : VehicleState
+        After the tick.
+    iterations, divisions : int
+        Newton steps, and parts that the tick was solved in.
+    detection : Detection or None
+        What the guard's detector said of the row at the tick's start; None without a guard.
+    """
+
+    row: FloatArray
+    forces: FloatArray
+    state: VehicleState
+    iterations: int
+    divisions: int
+    detection: Detection | None
+
+
+class Simulator:
+    """One tracked vehicle on one ground, with the force backend as an argument.
+
+    Each tick: the belts follow their commands, V_mid being their speed half a tick on; the body is solved at the
+    tick's end with memory and V_mid held; the pose follows by the trapezoid of the velocities; the memory takes Qx/m
+    and Qy/m, so that the block sees accelerations one tick late.
+
+    Parameters
+    ----------
+    vehicle : str or TrackedVehicle
+        Preset name or vehicle.
+    backend : str or ForceBackend
+        Name for :func:`grouser.terrain.make_backend`, or a backend.
+    ground : Ground
+        A terrain, or anything that gives θ at a position; sampled at the CG at the tick's start.
+    tick : float
+        T_s in s.
+    integrator : {"implicit", "sdirk2", "euler"}
+        Backward Euler, SDIRK2, or explicit Euler, which chatters near rest.
+    state : VehicleState
+        Initial state.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name is unknown, or the backend is for another vehicle or mode.
+    InvalidInputError
+        If the tick is not in (0, 1] s.
+    """
+
+    def __init__(
+        self,
+        vehicle: str | TrackedVehicle,
+        backend: str | ForceBackend,
+        ground: Ground,
+        *,
+        tick: float = 0.01,
+        integrator: Integrator = "implicit",
+        state: VehicleState = VehicleState(),  # noqa: B008 - frozen
+    ) -> None:
+        self.vehicle: Final = resolve_vehicle(vehicle)
+        self.backend: Final = make_backend(backend, mode=ground.mode, vehicle=self.vehicle)
+        if integrator not in INTEGRATORS:
+            raise unknown_name("integrator", integrator, INTEGRATORS)
+        if not 0 < tick <= 1:
+            raise InvalidInputError(f"tick must lie in (0, 1] s, got {tick!r}")
+        self.tick: Final = tick
+        self.integrator: Final[Integrator] = integrator
+        self._ground = ground
+        self._tolerance = tolerance(self.backend.resolution)
+        self._state = state
+
+    @property
+    def ground(self) -> Ground:
+        """The ground under the vehicle."""
+        return self._ground
+
+    def set_ground(self, ground: Ground) -> None:
+        """Replace the ground by another of the same mode.
+
+        Raises
+        ------
+        ConfigurationError
+            If the mode differs.
+        """
+        if ground.mode != self.backend.mode:
+            raise ConfigurationError(f"the backend is for {self.backend.mode} ground, got {ground.mode}")
+        self._ground = ground
+
+    def get_state(self) -> VehicleState:
+        """Return the whole state: the same state and commands give the same ticks."""
+        return self._state
+
+    def set_state(self, state: VehicleState) -> None:
+        """Replace the whole state."""
+        self._state = state
+
+    def step(self, command: BeltCommand) -> TickRecord:
+        """Advance by one tick.
+
+        Parameters
+        ----------
+        command : BeltCommand
+            Commanded belt speeds in m/s, within the drive's maximum speed.
+
+        Raises
+        ------
+        InvalidInputError
+            If the command is not finite or out of reach.
+        SimulationDivergedError
+            If no tick down to a sixteenth was solved; the state stays as it was.
+        """
+        check_command(self.vehicle, command)
+        start = self._state
+        belts = advance_belts(self.vehicle, (start.v_left, start.v_right), command, self.tick)
+        row = self._row(start, command)
+        guard, detection, evaluate = self._guarded(start.guard, row)
+        step = self._solve(row, evaluate)
+        if step is None or not all(math.isfinite(value) for value in step.body):
+            raise SimulationDivergedError(
+                f"no tick from {self.tick:g} s down to a sixteenth was solved at t = {start.time:.3f} s "
+                f"(backend {self.backend.name}, integrator {self.integrator})",
+                start,
+            )
+        self._state = self._moved(start, step, belts, guard)
+        return TickRecord(step.row, step.forces, self._state, step.iterations, step.divisions, detection)
+
+    def _row(self, start: VehicleState, command: BeltCommand) -> FloatArray:
+        """Return the interface row at the tick's start, belts as the integrator takes them."""
+        belts = (start.v_left, start.v_right)
+        if self.integrator != "euler":
+            belts = advance_belts(self.vehicle, belts, command, self.tick / 2)
+        theta = self._ground.parameters_at(start.x, start.y)
+        return np.array([start.vx, start.vy, start.yaw_rate, start.ax, start.ay, *belts, *theta])
+
+    def _guarded(self, guard: GuardState, row: FloatArray) -> tuple[GuardState, Detection | None, ForceFunction]:
+        """Advance the guard and freeze its mode for the tick."""
+        backend = self.backend
+        if not isinstance(backend, GuardedBackend):
+            return guard, None, backend.forces_and_jacobian
+        detection = backend.detector.detect(row)
+        advanced = backend.policy.advance(guard, detection, self.tick)
+        weight = advanced.fallback_weight
+        return advanced, detection, lambda x: backend.blended_forces_and_jacobian(x, weight)
+
+    def _solve(self, row: FloatArray, evaluate: ForceFunction) -> BodyStep | None:
+        if self.integrator == "euler":
+            return explicit_step(self.vehicle, evaluate, row, step=self.tick)
+        return implicit_step(
+            self.vehicle, evaluate, row, step=self.tick, tolerance=self._tolerance, integrator=self.integrator
+        )
+
+    def _moved(
+        self, start: VehicleState, step: BodyStep, belts: tuple[float, float], guard: GuardState
+    ) -> VehicleState:
+        vx, vy, yaw_rate = step.body
+        half = self.tick / 2
+        heading = start.heading + half * (start.yaw_rate + yaw_rate)
+        c0, s0, c1, s1 = math.cos(start.heading), math.sin(start.heading), math.cos(heading), math.sin(heading)
+        return VehicleState(
+            x=start.x + half * (c0 * start.vx - s0 * start.vy + c1 * vx - s1 * vy),
+            y=start.y + half * (s0 * start.vx + c0 * start.vy + s1 * vx + c1 * vy),
+            heading=heading,
+            vx=vx,
+            vy=vy,
+            yaw_rate=yaw_rate,
+            v_left=belts[0],
+            v_right=belts[1],
+            ax=float(step.forces[0]) / self.vehicle.mass,
+            ay=float(step.forces[1]) / self.vehicle.mass,
+            time=start.time + self.tick,
+            guard=guard,
+        )

@@ -1,0 +1,65 @@
+"""The guarded surrogate: a network where it was trained, the compiled physics elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any, ClassVar, Final, Literal
+
+from ..terrain import GuardedBackend, Mode, PhysicsBackend, SwitchingPolicy, TrackedVehicle, unknown_name
+from .artifact import Surrogate
+from .backends import Artifact, NativeSurrogate, TorchSurrogate
+
+_PRIMARIES: Final = {"native": NativeSurrogate, "torch": TorchSurrogate}
+
+
+class GuardedSurrogate(GuardedBackend):
+    """A surrogate, the physics to fall back on, and the artifact's detector between them.
+
+    Parameters
+    ----------
+    vehicle : TrackedVehicle
+        The vehicle.
+    mode : {"rigid", "soil"}
+        Terrain mode.
+    artifact : path or Surrogate, optional
+        The shipped one of that vehicle and mode by default.
+    primary : {"native", "torch"}
+        What evaluates the network.
+    policy : SwitchingPolicy, optional
+        Entry, hysteresis, dwell, blend.
+    **fallback
+        Options of :class:`~grouser.terrain.PhysicsBackend`, such as ``cells`` and ``contact``.
+
+    Raises
+    ------
+    ArtifactError
+        If the artifact cannot be read or is for another vehicle or mode.
+    ConfigurationError
+        If the primary is unknown, or torch is asked for and not installed.
+    """
+
+    name: ClassVar[str] = "guarded"
+
+    def __init__(
+        self,
+        vehicle: TrackedVehicle,
+        mode: Mode,
+        artifact: Artifact = None,
+        primary: Literal["native", "torch"] = "native",
+        policy: SwitchingPolicy | None = None,
+        **fallback: Any,
+    ) -> None:
+        if primary not in _PRIMARIES:
+            raise unknown_name("primary backend", primary, _PRIMARIES)
+        surrogate = Surrogate.resolve(vehicle, mode, artifact)
+        super().__init__(
+            _PRIMARIES[primary](vehicle, mode, surrogate),
+            PhysicsBackend(vehicle, mode, **fallback),
+            surrogate.detector,
+            policy,
+        )
+        self.surrogate: Final = surrogate
+
+    def describe(self) -> dict[str, Any]:
+        """Return the guard's parts, the detector's calibration and the switching policy."""
+        return super().describe() | {"detector": self.surrogate.detector.summary(), "policy": asdict(self.policy)}

@@ -1,0 +1,280 @@
+"""Train a surrogate of the block: weighted Huber on normalized data, early stopping, reduce-on-plateau."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...terrain import OUTPUT_NAMES, FloatArray, InvalidInputError, missing_extra, parameter_ranges
+from ..artifact import Surrogate
+from ..detector import BoxMahalanobisDetector
+from ..network import ACTIVATIONS, Activation, DenseNetwork, random_network, torch_module
+from ..normalizer import Normalizer
+from .checkpoint import TrainingState, load_checkpoint, save_checkpoint
+from .dataset import Dataset
+from .metrics import force_metrics, metrics_to_dict
+from .split import RunSplit, split_runs
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """A training recipe, stored in the artifact.
+
+    Parameters
+    ----------
+    hidden : tuple of int
+        Hidden layer widths.
+    activation : {"relu", "silu", "tanh"}
+        Between layers.
+    dropout : float
+        In [0, 1).
+    weight_decay : float
+        L2 penalty.
+    output_weights : tuple of float
+        Huber weights of Qx, Qy, Mz.
+    huber_delta : float
+        In standard deviations.
+    learning_rate : float
+        Of Adam, at the start.
+    batch_size : int
+        Samples a step.
+    epochs : int
+        At most.
+    patience : int
+        Epochs without improvement before training stops.
+    plateau_patience : int
+        Epochs without improvement before the learning rate falls.
+    plateau_factor : float
+        What it falls by.
+    seed : int
+        Of split, initial weights, shuffling and dropout.
+
+    Raises
+    ------
+    InvalidInputError
+        If a value is impossible.
+    """
+
+    hidden: tuple[int, ...] = (128, 128)
+    activation: Activation = "silu"
+    dropout: float = 0.0
+    weight_decay: float = 0.0
+    output_weights: tuple[float, float, float] = (1.0, 1.0, 3.0)
+    huber_delta: float = 1.0
+    learning_rate: float = 2e-3
+    batch_size: int = 1024
+    epochs: int = 60
+    patience: int = 20
+    plateau_patience: int = 4
+    plateau_factor: float = 0.5
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        positive = ("huber_delta", "learning_rate", "batch_size", "epochs", "patience", "plateau_patience")
+        for name in positive:
+            if not getattr(self, name) > 0:
+                raise InvalidInputError(f"{name} must be positive, got {getattr(self, name)}")
+        if not self.hidden or any(width < 1 for width in self.hidden):
+            raise InvalidInputError(f"hidden needs at least one positive width, got {self.hidden}")
+        if self.activation not in ACTIVATIONS:
+            raise InvalidInputError(f"activation must be one of {', '.join(ACTIVATIONS)}, got {self.activation!r}")
+        if not 0 <= self.dropout < 1 or self.weight_decay < 0 or not 0 < self.plateau_factor < 1 or self.seed < 0:
+            raise InvalidInputError("dropout in [0, 1), plateau_factor in (0, 1), weight_decay and seed not negative")
+        if len(self.output_weights) != 3 or any(weight < 0 for weight in self.output_weights):
+            raise InvalidInputError(f"output_weights are three numbers of at least 0, got {self.output_weights}")
+
+
+@dataclass(frozen=True)
+class EpochReport:
+    """What one epoch did.
+
+    Parameters
+    ----------
+    epoch, epochs : int
+        This one, from 1, and the most there can be.
+    train_loss, validation_loss : float
+        Weighted Huber.
+    learning_rate : float
+        During the epoch.
+    improved : bool
+        Whether the validation loss is the lowest so far.
+    """
+
+    epoch: int
+    epochs: int
+    train_loss: float
+    validation_loss: float
+    learning_rate: float
+    improved: bool
+
+
+Report = Callable[[EpochReport], None]
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingResult:
+    """A trained surrogate with what it was judged on."""
+
+    surrogate: Surrogate
+    split: RunSplit
+    history: tuple[EpochReport, ...] = field(default=())
+
+
+def train_surrogate(
+    dataset: Dataset, config: TrainingConfig, output: Path, *, report: Report | None = None, threads: int = 1
+) -> TrainingResult:
+    """Train on a dataset's training runs and write the artifact.
+
+    Interrupted, it goes on from the last whole epoch when called again with the same dataset and configuration, and
+    ends at the same weights. With one thread, equal inputs give equal bits.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        With at least three runs of each maneuver.
+    config : TrainingConfig
+        The recipe.
+    output : Path
+        The ``.safetensors`` artifact; beside it, while training, a ``.checkpoint``.
+    report : callable, optional
+        Called after each epoch.
+    threads : int
+        Of torch; more than one gives up the promise of equal bits.
+
+    Raises
+    ------
+    InvalidInputError
+        If a maneuver has too few runs to split.
+    ArtifactError
+        If the checkpoint beside the artifact is of another training.
+    """
+    split = split_runs(dataset.records, seed=config.seed)
+    train, validation, test = (dataset.select(side) for side in (split.train, split.validation, split.test))
+    input_normalizer = Normalizer.fit(train.inputs)
+    output_normalizer = Normalizer.fit(train.forces)
+    with _torch_threads(threads):
+        network, history = _optimize(
+            config,
+            [
+                (input_normalizer.normalize(side.inputs), output_normalizer.normalize(side.forces))
+                for side in (train, validation)
+            ],
+            output.with_suffix(".checkpoint"),
+            {"config": asdict(config), "dataset": dataset.manifest.content_hash},
+            report,
+        )
+    ranges = parameter_ranges(dataset.manifest.ranges, dataset.manifest.mode)
+    detector = BoxMahalanobisDetector.fit(
+        train.inputs,
+        train.run_index,
+        input_normalizer,
+        ranges,
+        dataset.vehicle,
+        calibration=(validation.inputs, validation.run_index),
+    )
+    draft = Surrogate(
+        vehicle=dataset.vehicle,
+        mode=dataset.manifest.mode,
+        network=network,
+        input_normalizer=input_normalizer,
+        output_normalizer=output_normalizer,
+        detector=detector,
+        ranges=ranges,
+        range_name=dataset.manifest.ranges,
+        recipe={**asdict(config), "split": split.to_dict(), "teacher": dict(dataset.manifest.backend)},
+        dataset_hash=dataset.manifest.content_hash,
+        metrics={},
+    )
+    metrics = force_metrics(draft.reference_forces(test.inputs), test.forces)
+    surrogate = replace(draft, metrics={"test": metrics_to_dict(metrics)})
+    surrogate.save(output)
+    output.with_suffix(".checkpoint").unlink(missing_ok=True)
+    return TrainingResult(surrogate, split, tuple(history))
+
+
+def _optimize(
+    config: TrainingConfig,
+    sides: list[tuple[FloatArray, FloatArray]],
+    checkpoint: Path,
+    identity: dict[str, Any],
+    report: Report | None,
+) -> tuple[DenseNetwork, list[EpochReport]]:
+    import torch
+
+    (x, y), (x_validation, y_validation) = (
+        tuple(torch.from_numpy(array.astype(np.float32)) for array in side) for side in sides
+    )
+    module = _initial_module((x.shape[1], *config.hidden, len(OUTPUT_NAMES)), config)
+    optimizer = torch.optim.Adam(module.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+    weights = torch.tensor(config.output_weights)
+
+    def loss_of(inputs: Any, targets: Any) -> Any:
+        element = torch.nn.functional.huber_loss(module(inputs), targets, reduction="none", delta=config.huber_delta)
+        return (element * weights).sum(dim=1).mean()
+
+    state = load_checkpoint(checkpoint, module, optimizer, identity) or TrainingState(rate=config.learning_rate)
+    history: list[EpochReport] = []
+    while state.epoch < config.epochs and state.stale < config.patience:
+        for group in optimizer.param_groups:
+            group["lr"] = state.rate
+        module.train()
+        torch.manual_seed(np.random.SeedSequence((config.seed, state.epoch)).generate_state(1)[0].item())
+        order = torch.randperm(len(x))
+        total = 0.0
+        for batch in order.split(config.batch_size):
+            optimizer.zero_grad(set_to_none=True)
+            loss = loss_of(x[batch], y[batch])
+            loss.backward()
+            optimizer.step()
+            total += float(loss.detach()) * len(batch)
+        module.eval()
+        with torch.inference_mode():
+            validation_loss = float(loss_of(x_validation, y_validation))
+        rate, improved = state.rate, validation_loss < state.best_loss
+        state = state.after(
+            validation_loss,
+            module,
+            plateau_patience=config.plateau_patience,
+            plateau_factor=config.plateau_factor,
+        )
+        save_checkpoint(checkpoint, state, module, optimizer, identity)
+        entry = EpochReport(state.epoch, config.epochs, total / len(x), validation_loss, rate, improved)
+        history.append(entry)
+        if report:
+            report(entry)
+    module.load_state_dict(state.best_parameters)
+    return DenseNetwork.from_torch(module), history
+
+
+def _initial_module(widths: tuple[int, ...], config: TrainingConfig) -> Any:
+    """Return the network at its random start, with dropout behind every activation."""
+    import torch
+
+    plain = torch_module(random_network(widths, config.activation, np.random.default_rng(config.seed)))
+    if config.dropout == 0:
+        return plain
+    parts: list[Any] = []
+    for part in plain:
+        parts.append(part)
+        if not isinstance(part, torch.nn.Linear):
+            parts.append(torch.nn.Dropout(config.dropout))
+    return torch.nn.Sequential(*parts)
+
+
+@contextmanager
+def _torch_threads(count: int) -> Iterator[None]:
+    try:
+        import torch
+    except ImportError as error:
+        raise missing_extra("torch", "torch") from error
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
