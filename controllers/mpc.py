@@ -13,11 +13,9 @@ from ..envs.paths import Path
 from ..envs.state import BeltCommand, VehicleState
 from ..terrain import ConfigurationError, FloatArray, TrackedVehicle, resolve_vehicle
 from ..terrain.parameters import require_in
-from .mpc_problem import FailureAction, MPCConfig, Solution, Solver, TrackingProblem
+from .mpc_problem import SOLVERS, FailureAction, MPCConfig, Solution, Solver, TrackingProblem
 from .slip_model import SlipParameters
 from .speed_profile import SpeedProfile
-
-_AT_REST: Final = 0.0
 
 
 @dataclass(frozen=True)
@@ -115,6 +113,7 @@ class PathTrackingMPC:
         self._origin = (0.0, 0.0)
         self._plan: Solution | None = None
         self._guess: Solution | None = None
+        self._applied: BeltCommand | None = None
         self._failures = 0
 
     @property
@@ -143,19 +142,22 @@ class PathTrackingMPC:
         self._check_period(state)
         began = perf_counter()
         references = self._references(state)
-        parameters = np.concatenate([self._start(state), references.ravel()])
-        guess = self._warm(state) if self._guess is not None else self._cold(state, references)
-        solution = self._solver(parameters, guess)
+        start = np.array([0.0, 0.0, state.heading, state.yaw_rate, state.v_left, state.v_right])
+        guess = self._warm_guess(start, state) or self._cold_guess(start, references)
+        solution = self._solver(np.concatenate([start, references.ravel()]), guess)
         solve_time = perf_counter() - began
-        first_move = action = None
-        if solution.success:
-            self._failures, self._plan = 0, solution
-            self._guess = solution
-            command = first_move = self._move(solution, 0)
+
+        action: FailureAction | None = None
+        first_move = self._move(solution, 0) if solution.success else None
+        if first_move is not None:
+            self._plan, self._failures, command = solution, 0, first_move
         else:
             self._failures += 1
-            self._guess = self.problem.shifted(self._guess) if self._guess is not None else None
             action, command = self._fall_back(state)
+        keeps_plan = solution.success or action == "shift"
+        self._guess = self.problem.shifted(solution if solution.success else guess) if keeps_plan else None
+        self._origin = (state.x, state.y)
+        self._applied = command
         self._records.append(
             SolveRecord(
                 time=state.time,
@@ -170,3 +172,82 @@ class PathTrackingMPC:
             )
         )
         return command
+
+    def _check_period(self, state: VehicleState) -> None:
+        if self._records and abs(state.time - self._records[-1].time - self.config.period) > 1e-6:
+            raise ConfigurationError(
+                f"the plan moves on by {self.config.period:g} s a call, but {state.time - self._records[-1].time:g} s "
+                "passed since the last one: use the same control period, and reset() before a new drive"
+            )
+
+    def _references(self, state: VehicleState) -> FloatArray:
+        """Return the references of the stages, shape (N + 1, 8), positions relative to the vehicle."""
+        foot = self.path.project(state.x, state.y, self._arc_length)
+        self._arc_length = foot.arc_length
+        arc_length = [foot.arc_length]
+        for _ in range(self.config.horizon):
+            arc_length.append(arc_length[-1] + self.config.period * float(self.profile.at(arc_length[-1])))
+        x, y, heading, curvature = self.path.sample(arc_length)
+        right, left = self._room(x, y)
+        # The path's heading and the vehicle's are both unwrapped, each from a start of its own.
+        turns = 2 * math.pi * round((state.heading - heading[0]) / (2 * math.pi))
+        side_slip = np.arcsin(np.clip(self.slip.icr_offset * curvature, -0.5, 0.5))
+        return np.column_stack(
+            [
+                x - state.x,
+                y - state.y,
+                np.cos(heading),
+                np.sin(heading),
+                heading + turns + side_slip,
+                self.profile.at(arc_length),
+                right,
+                left,
+            ]
+        )
+
+    def _room(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far the middle of the vehicle's front or rear may go to the right and left of path points."""
+        right = np.full(x.shape, self.config.half_width)
+        left = right.copy()
+        if self.path.corridor is not None:
+            for lane in self.path.corridor.lanes:
+                reach, half = self.vehicle.contact_length / 2, self.vehicle.overall_width / 2
+                within = (lane.start - reach <= x) & (x <= lane.end + reach)
+                right = np.where(within, np.minimum(right, y - half - lane.right), right)
+                left = np.where(within, np.minimum(left, lane.left - half - y), left)
+        return right, left
+
+    def _warm_guess(self, start: FloatArray, state: VehicleState) -> Solution | None:
+        if self._guess is None:
+            return None
+        states = self._guess.states.copy()
+        states[:, :2] += np.subtract(self._origin, (state.x, state.y))
+        states[0] = start
+        return replace(self._guess, states=states)
+
+    def _cold_guess(self, start: FloatArray, references: FloatArray) -> Solution:
+        """Return a guess that runs along the reference at its speed."""
+        period, limit = self.config.period, self.vehicle.training_speed
+        heading, speed = references[:, 4], references[:, 5]
+        yaw_rate = np.gradient(heading, period)
+        belts = np.array([self.slip.belts(v, w, self.vehicle.tread) for v, w in zip(speed, yaw_rate, strict=True)])
+        belts = np.clip(belts, -limit, limit)
+        states = np.column_stack([references[:, :2], heading, yaw_rate, belts])
+        states[0] = start
+        return self.problem.cold_guess(states, belts[:-1])
+
+    def _move(self, solution: Solution, stage: int) -> BeltCommand:
+        # Interior points may pass a bound by the solver's tolerance, which the drive would refuse.
+        limit = self.vehicle.training_speed
+        left, right = (min(max(float(value), -limit), limit) for value in solution.inputs[stage, :2])
+        return BeltCommand(left, right)
+
+    def _fall_back(self, state: VehicleState) -> tuple[FailureAction, BeltCommand]:
+        config = self.config
+        if config.on_failure == "shift" and self._plan is not None and self._failures <= config.shift_limit:
+            return "shift", self._move(self._plan, self._failures)
+        left, right = self._applied or (state.v_left, state.v_right)
+        fastest = max(abs(left), abs(right))
+        step = config.brake_deceleration * config.period
+        share = 1.0 - step / fastest if fastest > step else 0.0
+        return "brake", BeltCommand(share * left, share * right)

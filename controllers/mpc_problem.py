@@ -281,7 +281,9 @@ class TrackingProblem:
             lam_g0=guess.constraint_multipliers,
         )
         stats = self._nlp.stats()
-        x, g, lam_x, lam_g = (np.asarray(result[name], dtype=np.float64).ravel() for name in ("x", "g", "lam_x", "lam_g"))
+        x, g, lam_x, lam_g = (
+            np.asarray(result[name], dtype=np.float64).ravel() for name in ("x", "g", "lam_x", "lam_g")
+        )
         status, success = str(stats["return_status"]), bool(stats["success"])
         # A solver's own word is not enough: one has been seen to claim success for a point that breaks the constraints.
         excess = max(_excess(x, self._lower_x, self._upper_x), _excess(g, self._lower_g, self._upper_g))
@@ -318,7 +320,9 @@ class TrackingProblem:
         return Solution(
             states=np.vstack([solution.states[1:], last]),
             inputs=np.vstack([solution.inputs[1:], solution.inputs[-1:]]),
-            bound_multipliers=np.concatenate([bounds[width:-_STATES], bounds[-width - _STATES : -_STATES], bounds[-_STATES:]]),
+            bound_multipliers=np.concatenate(
+                [bounds[width:-_STATES], bounds[-width - _STATES : -_STATES], bounds[-_STATES:]]
+            ),
             constraint_multipliers=np.concatenate(
                 [tail[:_STATES], rows[_STATES : 2 * _STATES], tail[_STATES:], tail[-_STAGE_ROWS:]]
             ),
@@ -338,16 +342,20 @@ def _solver_options(
     common: dict[str, Any] = {"print_time": False, "error_on_fail": False, "expand": True}
     limit, tolerance = config.max_iterations, config.tolerance
     if config.solver == "fatrop":
-        return "fatrop", common | {"fatrop": {"print_level": 0, "max_iter": limit, "tolerance": tolerance, "mu_init": 1e-3}}
+        return "fatrop", common | {
+            "fatrop": {"print_level": 0, "max_iter": limit, "tolerance": tolerance, "mu_init": 1e-3}
+        }
     if config.solver == "ipopt":
-        pushes = dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push"), 1e-6)
+        pushes = dict.fromkeys(
+            ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push"), 1e-6
+        )
         options = {f"warm_start_{name}": push for name, push in pushes.items()}
         options |= {"print_level": 0, "sb": "yes", "max_iter": limit, "tol": tolerance, "mu_init": 1e-3}
         return "ipopt", common | {"ipopt": options | {"warm_start_init_point": "yes"}}
     x, p = problem["x"], problem["p"]
     price, multipliers = casadi.SX.sym("price"), casadi.SX.sym("multipliers", problem["g"].numel())
     slope = casadi.jacobian(residual, x)
-    hessian = casadi.Function("gauss_newton", [x, p, price, multipliers], [casadi.triu(2 * price * (slope.T @ slope))])
+    hessian = casadi.Function("gauss_newton", [x, p, price, multipliers], [2 * price * (slope.T @ slope)])
     quiet = (
         {"hpipm": {"iter_max": 100}}
         if config.solver == "hpipm"

@@ -1,1 +1,39 @@
-def register_environments() -> None: ...
+"""How does the vehicle move, and what is the task? Simulator, interface log, rollout, paths and Gymnasium tasks."""
+
+from .corridor import Corridor, Lane
+from .driveline import advance_belts
+from .log import STATE_NAMES, InterfaceLog, LogRecorder
+from .path import Path, Projection
+from .paths import make_path, path_names
+from .registration import register_environments
+from .rollout import rollout
+from .simulator import Simulator, TickRecord
+from .state import BeltCommand, Driver, VehicleState
+from .tick import INTEGRATORS, Integrator
+from .tracking import PathTrackingEnv
+from .tracking_config import ResetOptions, TrackingConfig
+
+__all__ = [
+    "INTEGRATORS",
+    "STATE_NAMES",
+    "BeltCommand",
+    "Corridor",
+    "Driver",
+    "Integrator",
+    "InterfaceLog",
+    "Lane",
+    "LogRecorder",
+    "Path",
+    "PathTrackingEnv",
+    "Projection",
+    "ResetOptions",
+    "Simulator",
+    "TickRecord",
+    "TrackingConfig",
+    "VehicleState",
+    "advance_belts",
+    "make_path",
+    "path_names",
+    "register_environments",
+    "rollout",
+]

@@ -54,8 +54,8 @@ class Canvas:
 
     def visible(self, points: FloatArray, margin: float) -> NDArray[np.bool_]:
         """Whether points (…, 2) in m lie in the view, or closer to it than a margin in m."""
-        inside: NDArray[np.bool_] = (np.abs(points - self.center) < self.reach + margin).all(axis=-1)
-        return inside
+        inside: NDArray[np.bool_] = np.abs(points - self.center) < self.reach + margin
+        return np.logical_and(inside[..., 0], inside[..., 1])
 
     def start(self, center: tuple[float, float], background: Color) -> None:
         """Begin a picture."""
@@ -75,7 +75,7 @@ class Canvas:
         xy = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         if len(xy) < 2:
             return
-        along = np.gradient(xy, axis=0)
+        along: FloatArray = np.asarray(np.gradient(xy, axis=0))
         length = np.hypot(along[:, 0], along[:, 1])[:, None]
         across = np.column_stack([-along[:, 1], along[:, 0]]) / np.where(length > 0.0, length, 1.0)
         half = max(width, 1.0 / self.pixels_per_meter) / 2

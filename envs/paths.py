@@ -176,7 +176,7 @@ def _smoothstep(u: FloatArray) -> FloatArray:
 def _closed_parameter(length: float) -> FloatArray:
     """[0, 2π) in steps that are about ``_STEP`` of a curve of that length in m."""
     count = max(100, math.ceil(length / _STEP))
-    return np.arange(count) * (2 * math.pi / count)
+    return np.linspace(0.0, 2 * math.pi, count, endpoint=False, dtype=np.float64)
 
 
 _PATHS: Final[dict[str, Callable[[TrackedVehicle], Path]]] = {

@@ -185,11 +185,12 @@ class Renderer:
         for lane in self._path.corridor.lanes if self._path.corridor else ():
             if lane.end < low[0] or lane.start > high[0]:
                 continue
-            right, left = ([(lane.start, y), (lane.end, y)] for y in (lane.right, lane.left))
-            canvas.polygon(_LANE, right + left[::-1])
+            x = np.linspace(lane.start, lane.end, max(2, round((lane.end - lane.start) / 5) + 1))
+            right, left = (np.column_stack([x, np.full_like(x, y)]) for y in (lane.right, lane.left))
+            canvas.ribbon(_LANE, right, left)
             for edge in (right, left):
                 canvas.line(_EDGE, edge, 0.025 * size)
-                for cone in np.linspace(*edge, max(2, round((lane.end - lane.start) / 5) + 1)):
+                for cone in edge:
                     for color, radius in ((_CONE, 0.07), (_EDGE, 0.045), (_CONE, 0.025)):
                         canvas.circle(color, cone, radius * size)
 

@@ -61,7 +61,9 @@ class VehicleState:
     def __post_init__(self) -> None:
         for field in fields(self)[:11]:
             if not math.isfinite(getattr(self, field.name)):
-                raise InvalidInputError(f"vehicle state: {field.name} must be finite, got {getattr(self, field.name)!r}")
+                raise InvalidInputError(
+                    f"vehicle state: {field.name} must be finite, got {getattr(self, field.name)!r}"
+                )
 
     @classmethod
     def rolling(cls, speed: float, *, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> VehicleState:

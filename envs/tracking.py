@@ -150,7 +150,8 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.reference_speed: Final = self.config.reference_speed or self.vehicle.training_speed / 2
         self._slip_block = PhysicsBackend(self.vehicle, built.mode, cells=_SLIP_POWER_CELLS)
         self._theta_low, self._theta_high = (
-            np.array(bound) for bound in (parameter_ranges("wide", built.mode).low, parameter_ranges("wide", built.mode).high)
+            np.array(bound)
+            for bound in (parameter_ranges("wide", built.mode).low, parameter_ranges("wide", built.mode).high)
         )
         self.render_mode = render_mode
         self._renderer: Renderer | None = None
@@ -200,9 +201,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self.render()
         return self._observation(), {"cross_track_error": self._foot.cross_track, "progress": 0.0}
 
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action for one control period.
 
         Raises

@@ -17,8 +17,8 @@ RUN_PERCENTILE: Final = 99.0
 def run_scores(distance: FloatArray, run_index: NDArray[Any]) -> FloatArray:
     """Return the 99th percentile of each run's distances, in order of run index.
 
-    Of the two samples next to the percentile the larger one is taken: a run has more than 1 % of its samples beyond
-    a threshold only if its score is.
+    The percentile is a sample, not a value between two: a run has more than 1 % of its samples beyond a threshold
+    exactly if its score is.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def run_scores(distance: FloatArray, run_index: NDArray[Any]) -> FloatArray:
         Run of each sample.
     """
     runs = np.unique(run_index)
-    return np.array([np.percentile(distance[run_index == run], RUN_PERCENTILE, method="higher") for run in runs])
+    return np.array([np.percentile(distance[run_index == run], RUN_PERCENTILE, method="inverted_cdf") for run in runs])
 
 
 def conformal_threshold(run_scores: FloatArray, alpha: float) -> tuple[float, bool]:

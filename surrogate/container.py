@@ -80,10 +80,10 @@ def unpack(data: bytes, source: str, newest_version: int) -> tuple[Tensors, dict
         raise ArtifactError(
             f"artifact {source!r} lacks grouser's metadata ({error}); write it with Surrogate.save"
         ) from error
-    if not isinstance(version, int) or version > newest_version:
+    if version not in range(1, newest_version + 1):
         raise ArtifactError(
-            f"artifact {source!r} has format version {version!r}, newer than {newest_version}, "
-            "which this grouser reads; upgrade grouser"
+            f"artifact {source!r} has format version {version!r}, this grouser reads 1 to {newest_version}; "
+            "upgrade grouser, or train the surrogate again"
         )
     if content_hash(tensors, metadata) != stored:
         raise ArtifactError(
@@ -110,5 +110,5 @@ def _to_json(metadata: dict[str, Any]) -> str:
         return json.dumps(metadata, sort_keys=True, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise ArtifactError(
-            f"recipe and metrics must hold finite numbers, strings, lists and dictionaries: {error}"
+            f"an artifact's recipe, metrics and names must be finite numbers, strings, lists or dictionaries: {error}"
         ) from error

@@ -51,7 +51,7 @@ class BoxMahalanobisDetector:
     center : ndarray, shape (d,)
         Where the distance is 0.
     whitening : ndarray, shape (d, d)
-        Lower triangular W; the distance is \\|W (x − center)\\|.
+        Lower triangular W; the distance is ‖W (x − center)‖.
     threshold : float
         Distance that scores 1.
     alpha : float
@@ -161,20 +161,20 @@ class BoxMahalanobisDetector:
         bound[table.index("vx")] = SPEED_MARGIN * vehicle.training_speed
         bound[[table.index("v_left"), table.index("v_right")]] = vehicle.training_speed
 
-        z = normalizer.normalize(np.concatenate([rows, table.mirror(rows)]))[:, :MOTION_SIZE]
+        # One scale for both belts, so that the score cannot tell left from right.
+        variance = normalizer.scale**2
+        scale = np.sqrt((variance + variance[table.mirror_permutation]) / 2)[:MOTION_SIZE]
+        z = np.concatenate([rows, table.mirror(rows)])[:, :MOTION_SIZE] / scale
         covariance = np.cov(z, rowvar=False, bias=True) + RIDGE * np.eye(MOTION_SIZE)
         terrain_low, terrain_high = np.array(ranges.low), np.array(ranges.high)
         spread = (terrain_high - terrain_low) / math.sqrt(12.0)
         whitening = np.diag(np.concatenate([np.zeros(MOTION_SIZE), 1 / np.where(spread > 0, spread, 1.0)]))
-        whitening[:MOTION_SIZE, :MOTION_SIZE] = (
-            np.tril(np.linalg.inv(np.linalg.cholesky(covariance))) / normalizer.scale[:MOTION_SIZE]
-        )
-        middle = normalizer.mean[:MOTION_SIZE] + normalizer.scale[:MOTION_SIZE] * z.mean(axis=0)
+        whitening[:MOTION_SIZE, :MOTION_SIZE] = np.tril(np.linalg.inv(np.linalg.cholesky(covariance))) / scale
         return cls(
             mode=ranges.mode,
             low=np.concatenate([-bound, terrain_low]),
             high=np.concatenate([bound, terrain_high]),
-            center=np.concatenate([middle, (terrain_low + terrain_high) / 2]),
+            center=np.concatenate([scale * z.mean(axis=0), (terrain_low + terrain_high) / 2]),
             whitening=whitening,
             threshold=1.0,
         ).calibrated(calibration[0], calibration[1], alpha)

@@ -225,7 +225,8 @@ def torch_module(network: DenseNetwork) -> torch.nn.Sequential:
 
     parts: list[Any] = []
     for weights, bias in zip(network.weights, network.biases, strict=True):
-        linear = torch.nn.utils.skip_init(torch.nn.Linear, *weights.shape, dtype=torch.float32)
+        # On the meta device nothing is drawn, so the global generator stays where it was.
+        linear = torch.nn.Linear(weights.shape[0], weights.shape[1], device="meta").float().to_empty(device="cpu")
         with torch.no_grad():
             linear.weight.copy_(torch.tensor(weights).T)
             linear.bias.copy_(torch.tensor(bias))

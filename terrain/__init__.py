@@ -27,6 +27,7 @@ from .interface import (
     Mode,
     interface,
     mirror_forces,
+    reverse_forces,
 )
 from .named import named, resolve_terrain, terrain_names
 from .namespace import NUMPY, ArrayNamespace, casadi_namespace, torch_namespace
@@ -98,6 +99,7 @@ __all__ = [
     "register_backend",
     "resolve_terrain",
     "resolve_vehicle",
+    "reverse_forces",
     "terrain_from_mapping",
     "terrain_names",
     "torch_namespace",

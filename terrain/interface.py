@@ -34,6 +34,8 @@ class Column:
         Column that takes this value when left and right are exchanged.
     mirror_sign : int
         Sign that it takes on the way.
+    reverse_sign : int
+        Sign that it takes when front and rear are exchanged, the lateral axis staying as it is.
     """
 
     name: str
@@ -41,20 +43,23 @@ class Column:
     meaning: str
     mirror_of: str
     mirror_sign: int
+    reverse_sign: int
 
 
-def _column(name: str, unit: str, meaning: str, mirror_sign: int = 1, mirror_of: str | None = None) -> Column:
-    return Column(name, unit, meaning, mirror_of or name, mirror_sign)
+def _column(
+    name: str, unit: str, meaning: str, mirror_sign: int = 1, reverse_sign: int = 1, mirror_of: str | None = None
+) -> Column:
+    return Column(name, unit, meaning, mirror_of or name, mirror_sign, reverse_sign)
 
 
 _MOTION = (
-    _column("vx", "m/s", "forward velocity of the CG, body axes"),
+    _column("vx", "m/s", "forward velocity of the CG, body axes", 1, -1),
     _column("vy", "m/s", "leftward velocity of the CG, body axes", -1),
-    _column("yaw_rate", "rad/s", "yaw rate, positive counter-clockwise", -1),
-    _column("ax", "m/s^2", "inertial forward acceleration of the CG, previous tick"),
+    _column("yaw_rate", "rad/s", "yaw rate, positive counter-clockwise", -1, -1),
+    _column("ax", "m/s^2", "inertial forward acceleration of the CG, previous tick", 1, -1),
     _column("ay", "m/s^2", "inertial leftward acceleration of the CG, previous tick", -1),
-    _column("v_left", "m/s", "left belt speed, positive drives forward", mirror_of="v_right"),
-    _column("v_right", "m/s", "right belt speed, positive drives forward", mirror_of="v_left"),
+    _column("v_left", "m/s", "left belt speed, positive drives forward", 1, -1, mirror_of="v_right"),
+    _column("v_right", "m/s", "right belt speed, positive drives forward", 1, -1, mirror_of="v_left"),
 )
 _MU = _column("mu", "1", "friction coefficient")
 _COHESION = _column("c", "Pa", "cohesion")
@@ -63,9 +68,9 @@ _ROLLING = _column("fr", "1", "rolling resistance coefficient")
 _SHEAR_MODULUS = _column("k", "m", "shear deformation modulus")
 
 OUTPUTS: Final = (
-    _column("qx", "N", "forward force on the vehicle"),
+    _column("qx", "N", "forward force on the vehicle", 1, -1),
     _column("qy", "N", "leftward force on the vehicle", -1),
-    _column("mz", "N m", "yaw moment about the CG", -1),
+    _column("mz", "N m", "yaw moment about the CG", -1, -1),
 )
 OUTPUT_NAMES: Final = tuple(column.name for column in OUTPUTS)
 MOTION_NAMES: Final = tuple(column.name for column in _MOTION)
@@ -129,6 +134,15 @@ class Interface:
         """Exchange left and right in an interface array of shape (..., d)."""
         return x[..., self.mirror_permutation] * self.mirror_signs
 
+    @cached_property
+    def reverse_signs(self) -> FloatArray:
+        """Sign of each input with front and rear exchanged, shape (d,)."""
+        return np.array([column.reverse_sign for column in self.inputs], dtype=np.float64)
+
+    def reverse(self, x: FloatArray) -> FloatArray:
+        """Exchange front and rear in an interface array of shape (..., d): a symmetry where the CG is centred."""
+        return x * self.reverse_signs
+
     def check(self, x: Any) -> FloatArray:
         """Return ``x`` as a float64 array of shape (d,) or (n, d).
 
@@ -148,7 +162,9 @@ class Interface:
             )
         if not np.isfinite(array).all():
             bad = sorted({int(column) for column in np.argwhere(~np.isfinite(array))[:, -1]})
-            raise InvalidInputError(f"interface columns must be finite; not so: {', '.join(self.names[i] for i in bad)}")
+            raise InvalidInputError(
+                f"interface columns must be finite; not so: {', '.join(self.names[i] for i in bad)}"
+            )
         return array
 
 
@@ -156,6 +172,7 @@ RIGID: Final = Interface("rigid", (*_MOTION, _MU, _ROLLING, _SHEAR_MODULUS))
 SOIL: Final = Interface("soil", (*_MOTION, _COHESION, _FRICTION_ANGLE, _ROLLING, _SHEAR_MODULUS))
 MODES: Final[tuple[Mode, ...]] = ("rigid", "soil")
 OUTPUT_MIRROR_SIGNS: Final[FloatArray] = np.array([column.mirror_sign for column in OUTPUTS], dtype=np.float64)
+OUTPUT_REVERSE_SIGNS: Final[FloatArray] = np.array([column.reverse_sign for column in OUTPUTS], dtype=np.float64)
 
 
 def interface(mode: str) -> Interface:
@@ -176,3 +193,8 @@ def interface(mode: str) -> Interface:
 def mirror_forces(forces: FloatArray) -> FloatArray:
     """Exchange left and right in forces of shape (..., 3)."""
     return forces * OUTPUT_MIRROR_SIGNS
+
+
+def reverse_forces(forces: FloatArray) -> FloatArray:
+    """Exchange front and rear in forces of shape (..., 3)."""
+    return forces * OUTPUT_REVERSE_SIGNS

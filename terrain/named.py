@@ -16,9 +16,7 @@ def _catalogue() -> dict[str, Terrain]:
     tables = tomllib.loads(files(__package__).joinpath("data", "terrains.toml").read_text(encoding="utf-8"))
     rigid: dict[str, Terrain] = {name: RigidTerrain(**values) for name, values in tables["rigid"].items()}
     soil: dict[str, Terrain] = {
-        name: SoilTerrain(
-            c=1000 * values["c_kpa"], phi=math.radians(values["phi_deg"]), fr=values["fr"], k=values["k"]
-        )
+        name: SoilTerrain(c=1000 * values["c_kpa"], phi=math.radians(values["phi_deg"]), fr=values["fr"], k=values["k"])
         for name, values in tables["soil"].items()
     }
     return rigid | soil

@@ -17,7 +17,9 @@ RangeName = Literal["wide", "paper"]
 
 def require_in(name: str, value: float, low: float, high: float, *, low_open: bool = False) -> None:
     """Raise InvalidInputError unless ``value`` is a finite number in [low, high], or (low, high] if ``low_open``."""
-    inside = isinstance(value, int | float | np.number) and (low < value if low_open else low <= value) and value <= high
+    inside = (
+        isinstance(value, int | float | np.number) and (low < value if low_open else low <= value) and value <= high
+    )
     if not inside:
         bracket = "(" if low_open else "["
         raise InvalidInputError(f"{name} must lie in {bracket}{low:g}, {high:g}], got {value!r}")

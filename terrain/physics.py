@@ -125,6 +125,4 @@ class PhysicsBackend(ForceBackend):
 
 
 def _rebuild(vehicle: TrackedVehicle, mode: Mode, grid: ShearGrid, soft_speed: float) -> PhysicsBackend:
-    return PhysicsBackend(
-        vehicle, mode, cells=(grid.along, grid.across), contact=grid.contact, soft_speed=soft_speed
-    )
+    return PhysicsBackend(vehicle, mode, cells=(grid.along, grid.across), contact=grid.contact, soft_speed=soft_speed)

@@ -41,7 +41,9 @@ class TrainingState:
     best_loss: float = math.inf
     best_parameters: Mapping[str, Any] = field(default_factory=dict)
 
-    def after(self, loss: float, module: Any, *, plateau_patience: int, plateau_factor: float) -> TrainingState:
+    def after(
+        self, loss: float, module: Any, *, plateau_patience: int, plateau_factor: float, decay: float
+    ) -> TrainingState:
         """Return the state after one more epoch with this validation loss.
 
         Raises
@@ -51,11 +53,11 @@ class TrainingState:
         """
         if loss < self.best_loss:
             best = {name: value.detach().clone() for name, value in module.state_dict().items()}
-            return TrainingState(self.rate, self.epoch + 1, 0, 0, loss, best)
+            return TrainingState(self.rate * decay, self.epoch + 1, 0, 0, loss, best)
         if not self.best_parameters:
             raise ArtifactError(f"training diverged in its first epoch (validation loss {loss}); lower learning_rate")
         falls = self.flat + 1 >= plateau_patience
-        rate = self.rate * plateau_factor if falls else self.rate
+        rate = self.rate * decay * (plateau_factor if falls else 1.0)
         flat = 0 if falls else self.flat + 1
         return TrainingState(rate, self.epoch + 1, self.stale + 1, flat, self.best_loss, self.best_parameters)
 

@@ -112,7 +112,7 @@ def _straight(generator: np.random.Generator, duration: float) -> tuple[dict[str
 
 def _turn(generator: np.random.Generator, duration: float) -> tuple[dict[str, float], _Profile]:
     speed = _side(generator) * generator.uniform(0.05, 0.9)
-    differential = _side(generator) * generator.uniform(0.02, 0.5)
+    differential = _side(generator) * generator.uniform(0.01, 0.4)
     swing, period = generator.uniform(0.0, 0.8), generator.uniform(2.0, 12.0)
     rise = generator.uniform(0.5, 4.0)
     excitation = {"speed": speed, "differential": differential, "swing": swing, "period": period, "rise": rise}
@@ -125,14 +125,14 @@ def _turn(generator: np.random.Generator, duration: float) -> tuple[dict[str, fl
 
 def _skid_reversal(generator: np.random.Generator, duration: float) -> tuple[dict[str, float], _Profile]:
     speed = _side(generator) * generator.uniform(0.05, 0.8)
-    differential = _side(generator) * generator.uniform(0.1, 0.6)
+    differential = _side(generator) * generator.uniform(0.05, 0.4)
     period = generator.uniform(2.0, 8.0)
     excitation = {"speed": speed, "differential": differential, "period": period}
     return excitation, lambda t: (speed, differential * _square(t, period))
 
 
 def _pivot(generator: np.random.Generator, duration: float) -> tuple[dict[str, float], _Profile]:
-    differential = _side(generator) * generator.uniform(0.05, 0.7)
+    differential = _side(generator) * generator.uniform(0.03, 0.5)
     creep = generator.uniform(-0.05, 0.05)
     period, swing_period = generator.uniform(4.0, 16.0), generator.uniform(1.5, 6.0)
     swing = generator.uniform(0.0, 0.5)
@@ -160,7 +160,7 @@ def _reversal(generator: np.random.Generator, duration: float) -> tuple[dict[str
 
 def _prbs(generator: np.random.Generator, duration: float) -> tuple[dict[str, float], _Profile]:
     bias = generator.uniform(-0.4, 0.4)
-    speed, differential = generator.uniform(0.1, 0.6), generator.uniform(0.1, 0.6)
+    speed, differential = generator.uniform(0.1, 0.6), generator.uniform(0.05, 0.4)
     shortest, longest = 0.2, 2.0
     count = int(duration / shortest) + 2
     edges = np.cumsum(generator.uniform(shortest, longest, size=count))

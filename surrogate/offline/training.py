@@ -6,11 +6,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from ...terrain import OUTPUT_NAMES, FloatArray, InvalidInputError, missing_extra, parameter_ranges
+from ...terrain import (
+    OUTPUT_NAMES,
+    FloatArray,
+    InvalidInputError,
+    mirror_forces,
+    missing_extra,
+    parameter_ranges,
+    reverse_forces,
+)
 from ..artifact import Surrogate
 from ..detector import BoxMahalanobisDetector
 from ..network import ACTIVATIONS, Activation, DenseNetwork, random_network, torch_module
@@ -18,7 +26,12 @@ from ..normalizer import Normalizer
 from .checkpoint import TrainingState, load_checkpoint, save_checkpoint
 from .dataset import Dataset
 from .metrics import force_metrics, metrics_to_dict
+from .perturbation import perturbed_rows
 from .split import RunSplit, split_runs
+
+
+# Below this share of a column's variance a direction is rounding, not data.
+_FLAT_VARIANCE: Final = 1e-8
 
 
 @dataclass(frozen=True)
@@ -41,6 +54,8 @@ class TrainingConfig:
         In standard deviations.
     learning_rate : float
         Of Adam, at the start.
+    learning_rate_decay : float
+        What the learning rate is multiplied by after every epoch, in (0, 1]; short trainings need it.
     batch_size : int
         Samples a step.
     epochs : int
@@ -51,6 +66,15 @@ class TrainingConfig:
         Epochs without improvement before the learning rate falls.
     plateau_factor : float
         What it falls by.
+    perturbed_copies : int
+        Copies of each training row with perturbed velocities, for which the teacher is asked again; see
+        :mod:`grouser.surrogate.offline.perturbation`.
+    symmetries : bool
+        Whether training rows are joined by their mirror images and, where the CG is centred, their fore-aft
+        reversals: the block has both symmetries exactly.
+    whiten : bool
+        Whether the first layer is trained in whitened coordinates, then folded back to normalized ones. Belt speeds
+        nearly follow the body, and the forces hang on the small differences, which gradients otherwise hardly see.
     seed : int
         Of split, initial weights, shuffling and dropout.
 
@@ -67,11 +91,15 @@ class TrainingConfig:
     output_weights: tuple[float, float, float] = (1.0, 1.0, 3.0)
     huber_delta: float = 1.0
     learning_rate: float = 2e-3
+    learning_rate_decay: float = 1.0
     batch_size: int = 1024
     epochs: int = 60
     patience: int = 20
     plateau_patience: int = 4
     plateau_factor: float = 0.5
+    perturbed_copies: int = 2
+    symmetries: bool = True
+    whiten: bool = True
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -81,6 +109,10 @@ class TrainingConfig:
                 raise InvalidInputError(f"{name} must be positive, got {getattr(self, name)}")
         if not self.hidden or any(width < 1 for width in self.hidden):
             raise InvalidInputError(f"hidden needs at least one positive width, got {self.hidden}")
+        if not 0 < self.learning_rate_decay <= 1:
+            raise InvalidInputError(f"learning_rate_decay must lie in (0, 1], got {self.learning_rate_decay}")
+        if self.perturbed_copies < 0:
+            raise InvalidInputError(f"perturbed_copies must not be negative, got {self.perturbed_copies}")
         if self.activation not in ACTIVATIONS:
             raise InvalidInputError(f"activation must be one of {', '.join(ACTIVATIONS)}, got {self.activation!r}")
         if not 0 <= self.dropout < 1 or self.weight_decay < 0 or not 0 < self.plateau_factor < 1 or self.seed < 0:
@@ -155,14 +187,14 @@ def train_surrogate(
     """
     split = split_runs(dataset.records, seed=config.seed)
     train, validation, test = (dataset.select(side) for side in (split.train, split.validation, split.test))
-    input_normalizer = Normalizer.fit(train.inputs)
-    output_normalizer = Normalizer.fit(train.forces)
+    inputs, forces = _training_rows(train, config)
+    input_normalizer, output_normalizer = Normalizer.fit(inputs), Normalizer.fit(forces)
     with _torch_threads(threads):
         network, history = _optimize(
             config,
             [
-                (input_normalizer.normalize(side.inputs), output_normalizer.normalize(side.forces))
-                for side in (train, validation)
+                (input_normalizer.normalize(x), output_normalizer.normalize(y))
+                for x, y in ((inputs, forces), (validation.inputs, validation.forces))
             ],
             output.with_suffix(".checkpoint"),
             {"config": asdict(config), "dataset": dataset.manifest.content_hash},
@@ -197,6 +229,25 @@ def train_surrogate(
     return TrainingResult(surrogate, split, tuple(history))
 
 
+def _training_rows(train: Dataset, config: TrainingConfig) -> tuple[FloatArray, FloatArray]:
+    generator = np.random.default_rng((config.seed, len(train.inputs)))
+    beside, beside_forces = perturbed_rows(train, config.perturbed_copies, generator)
+    inputs, forces = np.concatenate([train.inputs, beside]), np.concatenate([train.forces, beside_forces])
+    return with_symmetries(train, inputs, forces) if config.symmetries else (inputs, forces)
+
+
+def with_symmetries(dataset: Dataset, inputs: FloatArray, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return rows and forces joined by their mirror images and, with a centred CG, their fore-aft reversals."""
+    table = dataset.interface
+    inputs, forces = np.concatenate([inputs, table.mirror(inputs)]), np.concatenate([forces, mirror_forces(forces)])
+    if dataset.vehicle.cg_offset == 0:
+        inputs, forces = (
+            np.concatenate([inputs, table.reverse(inputs)]),
+            np.concatenate([forces, reverse_forces(forces)]),
+        )
+    return inputs, forces
+
+
 def _optimize(
     config: TrainingConfig,
     sides: list[tuple[FloatArray, FloatArray]],
@@ -206,8 +257,10 @@ def _optimize(
 ) -> tuple[DenseNetwork, list[EpochReport]]:
     import torch
 
+    coordinates = whitening(sides[0][0]) if config.whiten else np.eye(sides[0][0].shape[1])
     (x, y), (x_validation, y_validation) = (
-        tuple(torch.from_numpy(array.astype(np.float32)) for array in side) for side in sides
+        tuple(torch.from_numpy(array.astype(np.float32)) for array in (inputs @ coordinates, outputs))
+        for inputs, outputs in sides
     )
     module = _initial_module((x.shape[1], *config.hidden, len(OUTPUT_NAMES)), config)
     optimizer = torch.optim.Adam(module.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
@@ -241,6 +294,7 @@ def _optimize(
             module,
             plateau_patience=config.plateau_patience,
             plateau_factor=config.plateau_factor,
+            decay=config.learning_rate_decay,
         )
         save_checkpoint(checkpoint, state, module, optimizer, identity)
         entry = EpochReport(state.epoch, config.epochs, total / len(x), validation_loss, rate, improved)
@@ -248,7 +302,17 @@ def _optimize(
         if report:
             report(entry)
     module.load_state_dict(state.best_parameters)
-    return DenseNetwork.from_torch(module), history
+    trained = DenseNetwork.from_torch(module)
+    first, *others = trained.weights
+    return replace(trained, weights=((coordinates @ first).astype(np.float32), *others)), history
+
+
+def whitening(z: FloatArray) -> FloatArray:
+    """Return the symmetric matrix that turns normalized rows (n, d) to unit covariance; flat directions stay."""
+    variance, directions = np.linalg.eigh(np.cov(z, rowvar=False))
+    gain = np.where(variance > _FLAT_VARIANCE, 1.0 / np.sqrt(np.maximum(variance, _FLAT_VARIANCE)), 1.0)
+    matrix: FloatArray = (directions * gain) @ directions.T
+    return matrix
 
 
 def _initial_module(widths: tuple[int, ...], config: TrainingConfig) -> Any:

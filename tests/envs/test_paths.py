@@ -275,15 +275,14 @@ class TestCorridor:
             (5.0, -0.75, 0.0, 0.5),
             (15.0, 9.0, 0.0, 0.0),
             (25.0, 0.5, 0.0, 1.25),
-            (25.0, 2.0, math.pi / 2, 0.25 * 0),
+            (25.0, 2.5, math.pi / 2, 0.0),
             (5.0, 0.0, math.pi / 2, 0.25),
             # Only the rear corners are still in the lane.
             (10.5, 0.5, 0.0, 0.25),
         ],
     )
     def test_largest_excess_of_a_corner(self, x: float, y: float, heading: float, expected: float) -> None:
-        length = 2.5 if (x, heading) == (5.0, math.pi / 2) else 2.0
-        assert self.corridor.violation(x, y, heading, length, 1.5) == pytest.approx(expected, abs=1e-12)
+        assert self.corridor.violation(x, y, heading, 2.5, 1.5) == pytest.approx(expected, abs=1e-12)
 
     def test_many_poses_at_once(self) -> None:
         many = self.corridor.violations([5.0, 15.0], [-0.75, 9.0], [0.0, 0.0], 2.0, 1.5)

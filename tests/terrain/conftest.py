@@ -131,7 +131,7 @@ def states() -> Callable[..., FloatArray]:
     return draw
 
 
-@pytest.fixture(params=VEHICLES.values(), ids=VEHICLES.keys())
+@pytest.fixture(params=list(VEHICLES.values()), ids=list(VEHICLES))
 def vehicle(request: pytest.FixtureRequest) -> TrackedVehicle:
     """Each of several vehicles: presets, a CG off the contact centre, a single element."""
     chosen: TrackedVehicle = request.param

@@ -260,8 +260,12 @@ def test_a_value_that_is_not_finite_is_refused_by_column() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_a_stopped_belt_is_refused_without_soft_speed() -> None:
-    row = np.array([3, 0, 0, 0, 0, 0.0, 3, *RigidTerrain(0.7).parameters])
+@pytest.mark.parametrize(("name", "value"), [("v_left", 0.0), ("v_right", 0.0), ("k", 0.0), ("k", -0.01)])
+def test_the_oracle_refuses_what_the_compiled_block_refuses(name: str, value: float) -> None:
+    row = np.array([3, 0, 0, 0, 0, 3.0, 3, *RigidTerrain(0.7).parameters])
+    row[interface("rigid").index(name)] = value
+    with pytest.raises(InvalidInputError):
+        PhysicsBackend(M113, "rigid", soft_speed=0.0).forces(row)
     with pytest.raises(InvalidInputError):
         reference_forces(M113, "rigid", row, soft_speed=0.0)
 

@@ -138,9 +138,10 @@ def test_a_matched_pivot_meets_the_moment_of_full_slip(contact: Contact, turn: i
 def test_a_thin_track_pivots_against_a_quarter_of_mu_w_l() -> None:
     thin = replace(M113, track_width=1e-3)
     row = rigid(yaw_rate=0.5, belts=(-0.5 * B / 2, 0.5 * B / 2), k=SLIDING)
-    assert 0.7 * W * L / 4 == pytest.approx(51_738, abs=0.5)  # as printed
+    expected = 0.7 * W * L / 4
+    assert expected == pytest.approx(51_738, abs=0.5)  # as printed
     moment = PhysicsBackend(thin, "rigid", cells=(100, 2)).forces(row)[2]
-    assert moment == pytest.approx(-0.7 * W * L / 4, rel=1e-5)  # (b/L)^2 and cells, both below 1e-5
+    assert moment == pytest.approx(-expected, rel=1e-5)  # (b/L)^2 and cells, both below 1e-5
 
 
 @pytest.mark.parametrize("contact", CONTACTS)

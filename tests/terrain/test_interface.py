@@ -15,6 +15,7 @@ from grouser.terrain import (
     Mode,
     interface,
     mirror_forces,
+    reverse_forces,
 )
 
 MOTION = ("vx", "vy", "yaw_rate", "ax", "ay", "v_left", "v_right")
@@ -56,6 +57,12 @@ def test_the_mirror_exchanges_the_belts_and_turns_the_lateral_signs() -> None:
     x = np.arange(1.0, 11.0)
     np.testing.assert_array_equal(RIGID.mirror(x), [1, -2, -3, 4, -5, 7, 6, 8, 9, 10])
     np.testing.assert_array_equal(mirror_forces(np.array([1.0, 2.0, 3.0])), [1, -2, -3])
+
+
+def test_reversing_turns_the_longitudinal_signs_and_keeps_the_lateral_ones() -> None:
+    x = np.arange(1.0, 12.0)
+    np.testing.assert_array_equal(SOIL.reverse(x), [-1, 2, -3, -4, 5, -6, -7, 8, 9, 10, 11])
+    np.testing.assert_array_equal(reverse_forces(np.array([1.0, 2.0, 3.0])), [-1, 2, -3])
 
 
 @pytest.mark.parametrize("mode", MODES)

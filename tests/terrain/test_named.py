@@ -39,8 +39,11 @@ def test_soils_hold_the_published_strength_in_si_units(name: str) -> None:
     ("kind", "low", "high"), [("sand", 0.01, 0.025), ("clay", 0.005, 0.007), ("snow", 0.025, 0.05)]
 )
 def test_shear_moduli_lie_in_the_published_range_of_their_kind(kind: str, low: float, high: float) -> None:
-    of_kind = {"sand": ("dry-sand", "lete-sand"), "clay": ("heavy-clay-25", "heavy-clay-40", "clayey-soil-38"),
-               "snow": ("snow-us", "snow-harrison", "snow-sweden")}
+    of_kind = {
+        "sand": ("dry-sand", "lete-sand"),
+        "clay": ("heavy-clay-25", "heavy-clay-40", "clayey-soil-38"),
+        "snow": ("snow-us", "snow-harrison", "snow-sweden"),
+    }
     assert all(low <= named(name).k <= high for name in of_kind[kind])
 
 
@@ -68,8 +71,15 @@ def test_firm_grounds_hold_a_friction_of_the_published_range(name: str, low: flo
 
 @pytest.mark.parametrize(
     ("name", "low", "high"),
-    [("asphalt", 0.02, 0.045), ("hard-ground", 0.06, 0.07), ("sandy-loam-15", 0.08, 0.10), ("dry-sand", 0.12, 0.15),
-     ("lete-sand", 0.12, 0.15), ("snow-us", 0.15, 0.20), ("snow-packed", 0.15, 0.20)],
+    [
+        ("asphalt", 0.02, 0.045),
+        ("hard-ground", 0.06, 0.07),
+        ("sandy-loam-15", 0.08, 0.10),
+        ("dry-sand", 0.12, 0.15),
+        ("lete-sand", 0.12, 0.15),
+        ("snow-us", 0.15, 0.20),
+        ("snow-packed", 0.15, 0.20),
+    ],
 )
 def test_rolling_resistance_lies_in_the_published_range(name: str, low: float, high: float) -> None:
     assert low <= named(name).fr <= high

@@ -87,7 +87,10 @@ def test_a_mapping_names_the_mode_and_the_parameters() -> None:
 
 @pytest.mark.parametrize(
     ("mapping", "message"),
-    [({"mode": "sol", "c": 1e3, "phi": 0.4}, "did you mean 'soil'"), ({"mode": "soil", "ph": 0.4}, "did you mean 'phi'")],
+    [
+        ({"mode": "sol", "c": 1e3, "phi": 0.4}, "did you mean 'soil'"),
+        ({"mode": "soil", "ph": 0.4}, "did you mean 'phi'"),
+    ],
 )
 def test_unknown_keys_and_modes_are_answered_with_the_nearest(mapping: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):

@@ -22,8 +22,7 @@ from grouser.terrain import (
 M113 = TrackedVehicle.preset("m113")
 # Round-off of 640 cell forces, each of at most W/640, and their arms of at most 1.8 m.
 ROUND_OFF = 1e-12 * M113.weight * np.array([1.0, 1.0, 2.0])
-settings.register_profile("terrain", max_examples=60, deadline=None, derandomize=True)
-settings.load_profile("terrain")
+searched = settings(max_examples=60, deadline=None, derandomize=True)
 
 
 def rows(mode: Mode) -> st.SearchStrategy[FloatArray]:
@@ -33,11 +32,10 @@ def rows(mode: Mode) -> st.SearchStrategy[FloatArray]:
     return st.tuples(speed, side, turn, accel, accel, speed, speed, *theta).map(np.array)
 
 
-any_case = st.sampled_from(MODES).flatmap(
-    lambda mode: st.tuples(st.just(mode), rows(mode), st.sampled_from(CONTACTS))
-)
+any_case = st.sampled_from(MODES).flatmap(lambda mode: st.tuples(st.just(mode), rows(mode), st.sampled_from(CONTACTS)))
 
 
+@searched
 @given(any_case)
 def test_the_mirrored_vehicle_feels_the_mirrored_force(case: Any) -> None:
     mode, row, contact = case
@@ -46,6 +44,7 @@ def test_the_mirrored_vehicle_feels_the_mirrored_force(case: Any) -> None:
     np.testing.assert_array_less(np.abs(mirrored - mirror_forces(block.forces(row))), ROUND_OFF)
 
 
+@searched
 @given(any_case)
 def test_driving_backward_is_driving_forward_seen_from_behind(case: Any) -> None:
     mode, row, contact = case
@@ -56,6 +55,7 @@ def test_driving_backward_is_driving_forward_seen_from_behind(case: Any) -> None
     np.testing.assert_array_less(np.abs(difference), ROUND_OFF)
 
 
+@searched
 @given(any_case, st.floats(1e-3, 1e3))
 def test_without_soft_speed_only_ratios_of_velocities_matter(case: Any, factor: float) -> None:
     mode, row, contact = case
@@ -67,6 +67,7 @@ def test_without_soft_speed_only_ratios_of_velocities_matter(case: Any, factor: 
     np.testing.assert_array_less(np.abs(block.forces(scaled) - block.forces(row)), 100 * ROUND_OFF)
 
 
+@searched
 @given(any_case)
 def test_shear_opposes_sliding_so_the_ground_never_drives(case: Any) -> None:
     mode, row, contact = case
@@ -77,6 +78,7 @@ def test_shear_opposes_sliding_so_the_ground_never_drives(case: Any) -> None:
     assert belt_power - block.forces(row) @ row[:3] >= -1e-11 * M113.weight  # round-off at up to 10 m/s
 
 
+@searched
 @given(rows("rigid"))
 def test_firm_ground_returns_no_more_than_friction(row: FloatArray) -> None:
     row[interface("rigid").index("fr")] = 0.0
@@ -93,4 +95,4 @@ def test_the_jacobian_has_the_mirror_symmetry_too(mode: Mode, states: Any) -> No
     _, mirrored = block.forces_and_jacobian(table.mirror(x))
     expected = mirror_forces(np.swapaxes(jacobian, 1, 2))[:, table.mirror_permutation] * table.mirror_signs[:, None]
     scale = np.abs(jacobian).max(axis=(0, 1))
-    np.testing.assert_array_less(np.abs(np.swapaxes(mirrored, 1, 2) - expected), 1e-11 * scale[:, None])
+    assert np.all(np.abs(np.swapaxes(mirrored, 1, 2) - expected) <= 1e-11 * scale[:, None])  # round-off of the sums

@@ -1,0 +1,308 @@
+"""The extension module by itself: what its buffers and constructors refuse, and the network against NumPy."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from grouser.native import _core
+
+Array = NDArray[np.float64]
+M113: dict[str, Any] = {
+    "mode": 0,
+    "contact": 0,
+    "wheels": 5,
+    "along": 4,
+    "across": 2,
+    "mass": 11300.0,
+    "gravity": 9.81,
+    "contact_length": 2.667,
+    "tread": 2.159,
+    "track_width": 0.38,
+    "cg_height": 0.79,
+    "contact_center": 0.0,
+    "soft_speed": 0.1,
+}
+BLOCK = _core.Physics(**M113)
+ROW = np.array([[3, 0.2, 0.3, 1, 2, 2.5, 3.8, 0.7, 0.05, 0.05]])
+X = np.repeat(ROW, 4, axis=0)
+
+
+def read_only(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
+
+
+def test_the_column_table_by_mode() -> None:
+    motion = ("vx", "vy", "yaw_rate", "ax", "ay", "v_left", "v_right")
+    assert _core.columns(0) == (*motion, "mu", "fr", "k")
+    assert _core.columns(1) == (*motion, "c", "phi", "fr", "k")
+
+
+@pytest.mark.parametrize("mode", [-1, 2])
+def test_an_unknown_mode_has_no_columns(mode: int) -> None:
+    with pytest.raises(ValueError, match="mode"):
+        _core.columns(mode)
+
+
+def test_the_cpu_level_is_a_word() -> None:
+    assert _core.cpu_level().strip()
+
+
+# Buffers, of the block and the network alike
+
+WIDTHS = (10, 8, 3)
+
+
+def parameters_of(
+    widths: tuple[int, ...], rng: np.random.Generator
+) -> list[tuple[NDArray[np.float32], NDArray[np.float32]]]:
+    return [
+        (
+            (rng.normal(size=(i, o)) / np.sqrt(i)).astype(np.float32),
+            (0.3 * rng.normal(size=o)).astype(np.float32),
+        )
+        for i, o in pairwise(widths)
+    ]
+
+
+def network(widths: tuple[int, ...] = WIDTHS, activation: int = 2, **changes: Any) -> _core.Mlp:
+    layers = parameters_of(widths, np.random.default_rng(1))
+    arguments: dict[str, Any] = {
+        "activation": activation,
+        "widths": widths,
+        "parameters": b"".join(w.tobytes() + b.tobytes() for w, b in layers),
+        "input_mean": np.linspace(-1, 1, widths[0]),
+        "input_scale": np.linspace(0.5, 2, widths[0]),
+        "output_mean": np.array([10.0, -20.0, 30.0]),
+        "output_scale": np.array([1e3, 2e3, 3e3]),
+    }
+    return _core.Mlp(**{**arguments, **changes})
+
+
+HANDLES = {"physics": BLOCK, "mlp": network()}
+every_handle = pytest.mark.parametrize("handle", HANDLES.values(), ids=HANDLES.keys())
+
+
+@every_handle
+@pytest.mark.parametrize(
+    "x",
+    [
+        X.astype(np.float32),
+        X.astype(int),
+        X.astype(">f8"),
+        X[::2],
+        np.asfortranarray(X),
+        X[:, :9].copy(),
+        np.ones((4, 11)),
+        X[:3],
+    ],
+    ids=["float32", "int", "big-endian", "strided", "fortran", "too narrow", "too wide", "too few rows"],
+)
+def test_another_input_than_contiguous_float64_rows_is_refused(handle: Any, x: Any) -> None:
+    rows = 4 if len(x) != 2 else 2
+    with pytest.raises(ValueError):  # noqa: PT011
+        handle.forces(x, np.empty((rows, 3)))
+    with pytest.raises(ValueError):  # noqa: PT011
+        handle.forces_and_jacobian(x, np.empty((rows, 3)), np.empty((rows, 3, 10)))
+
+
+@every_handle
+@pytest.mark.parametrize(
+    "out",
+    [
+        np.empty((4, 3), np.float32),
+        np.empty((4, 6))[:, ::2],
+        np.asfortranarray(np.empty((4, 3))),
+        read_only(np.empty((4, 3))),
+        np.empty((5, 3)),
+        np.empty((3, 3)),
+        np.empty((4, 2)),
+    ],
+    ids=["float32", "strided", "fortran", "read-only", "too many rows", "too few rows", "too narrow"],
+)
+def test_another_output_than_writable_rows_of_three_is_refused(handle: Any, out: Any) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011
+        handle.forces(X, out)
+    with pytest.raises(ValueError):  # noqa: PT011
+        handle.forces_and_jacobian(X, out, np.empty((4, 3, 10)))
+
+
+@every_handle
+@pytest.mark.parametrize(
+    "jacobian",
+    [np.empty((4, 3, 10), np.float32), read_only(np.empty((4, 3, 10))), np.empty((3, 3, 10)), np.empty((4, 3, 11))],
+    ids=["float32", "read-only", "too few rows", "too wide"],
+)
+def test_another_jacobian_than_writable_three_by_ten_is_refused(handle: Any, jacobian: Any) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011
+        handle.forces_and_jacobian(X, np.empty((4, 3)), jacobian)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        (X, X[:3].copy(), np.empty((4, 2, 3))),
+        (X[:3].copy(), X, np.empty((4, 2, 3))),
+        (X, X, np.empty((3, 2, 3))),
+        (X, X, read_only(np.empty((4, 2, 3)))),
+        (X.astype(np.float32), X, np.empty((4, 2, 3))),
+        (X, X[::-1], np.empty((4, 2, 3))),
+    ],
+)
+def test_track_forces_refuse_mismatched_or_unsuitable_buffers(arguments: Any) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011
+        BLOCK.track_forces(*arguments)
+
+
+@every_handle
+@pytest.mark.parametrize("given", [None, 3.0, [[1.0] * 10]])
+def test_what_is_no_buffer_is_refused_without_harm(handle: Any, given: Any) -> None:
+    with pytest.raises((TypeError, ValueError)):
+        handle.forces(given, np.empty((1, 3)))
+
+
+def test_a_refused_row_is_named_with_its_column() -> None:
+    x = X.copy()
+    x[2, 9] = 0.0
+    with pytest.raises(ValueError, match=r"row 2.*\bk\b"):
+        BLOCK.forces(x, np.empty((4, 3)))
+
+
+# Physics
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("mode", 2),
+        ("contact", -1),
+        ("wheels", 0),
+        ("wheels", 65),
+        ("along", 0),
+        ("across", 5000),
+    ],
+)
+def test_a_block_of_impossible_size_is_refused(name: str, value: Any) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011
+        _core.Physics(**{**M113, name: value})
+
+
+def test_tracks_sum_to_the_forces_to_the_bit() -> None:
+    forces, tracks = np.empty((4, 3)), np.empty((4, 2, 3))
+    BLOCK.forces(X, forces)
+    BLOCK.track_forces(X, X, tracks)
+    np.testing.assert_array_equal(tracks.sum(axis=1), forces)
+
+
+# Network
+
+ACTIVATIONS: dict[str, tuple[int, Callable[[Array], Array]]] = {
+    "relu": (0, lambda a: np.maximum(a, 0)),
+    "silu": (1, lambda a: a / (1 + np.exp(-a))),
+    "tanh": (2, np.tanh),
+}
+every_activation = pytest.mark.parametrize(("code", "function"), ACTIVATIONS.values(), ids=ACTIVATIONS.keys())
+every_shape = pytest.mark.parametrize("widths", [(10, 3), (10, 8, 3), (11, 33, 17, 3), (10, 64, 64, 64, 3)], ids=str)
+
+
+def forward(widths: tuple[int, ...], function: Callable[[Array], Array], x: Array) -> Array:
+    """The network that `network` builds, in float64."""
+    layers = parameters_of(widths, np.random.default_rng(1))
+    a = (x - np.linspace(-1, 1, widths[0])) / np.linspace(0.5, 2, widths[0])
+    for weights, biases in layers[:-1]:
+        a = function(a @ weights.astype(float) + biases)
+    weights, biases = layers[-1]
+    return np.asarray(np.array([10.0, -20, 30]) + np.array([1e3, 2e3, 3e3]) * (a @ weights.astype(float) + biases))
+
+
+@every_shape
+@every_activation
+def test_the_network_computes_its_forward_pass(
+    widths: tuple[int, ...], code: int, function: Callable[[Array], Array]
+) -> None:
+    x = np.random.default_rng(2).normal(size=(200, widths[0]))
+    actual = np.empty((200, 3))
+    network(widths, code).forces(x, actual)
+    expected = forward(widths, function, x)
+    assert np.max(np.abs(actual - expected) / expected.std(axis=0)) < 1e-5  # the promise for float32 networks
+
+
+@every_shape
+@every_activation
+def test_the_network_computes_its_jacobian(
+    widths: tuple[int, ...], code: int, function: Callable[[Array], Array]
+) -> None:
+    x = np.random.default_rng(3).normal(size=(100, widths[0]))
+    forces, jacobian = np.empty((100, 3)), np.empty((100, 3, widths[0]))
+    net = network(widths, code)
+    net.forces_and_jacobian(x, forces, jacobian)
+    step = 1e-6 * np.eye(widths[0])
+    expected = np.stack([(forward(widths, function, x + h) - forward(widths, function, x - h)) / 2e-6 for h in step], 2)
+    scale = np.abs(expected).max(axis=(0, 2))[:, None]
+    assert np.max(np.abs(jacobian - expected) / scale) < 1e-3  # the promise for Jacobians
+    plain = np.empty((100, 3))
+    net.forces(x, plain)
+    np.testing.assert_allclose(forces, plain, rtol=0, atol=1e-5 * plain.std())
+
+
+@every_activation
+def test_extreme_inputs_do_not_overflow_into_nan(code: int, function: Callable[[Array], Array]) -> None:
+    x = np.array([[1e4] * 10, [-1e4] * 10])
+    forces, jacobian = np.empty((2, 3)), np.empty((2, 3, 10))
+    network(activation=code).forces_and_jacobian(x, forces, jacobian)
+    assert np.all(np.isfinite(forces))
+    assert np.all(np.isfinite(jacobian))
+
+
+def test_a_batch_through_the_network_equals_its_rows_to_the_bit() -> None:
+    x = np.random.default_rng(4).normal(size=(37, 10))
+    batch, single = np.empty((37, 3)), np.empty((1, 3))
+    net = network((10, 64, 64, 3), 1)
+    net.forces(x, batch)
+    for i in range(37):
+        net.forces(x[i : i + 1], single)
+        np.testing.assert_array_equal(single[0], batch[i])
+
+
+@pytest.mark.parametrize(
+    "widths", [(), (10,), (10, 8, 2), (10, 8, 4), (10, 0, 3), (10, -8, 3), (12, 8, 3), (10, 513, 3), (10, *[8] * 8, 3)]
+)
+def test_impossible_widths_are_refused(widths: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011
+        _core.Mlp(
+            activation=0,
+            widths=widths,
+            parameters=b"\0" * 4 * sum(max(i, 0) * max(o, 0) + max(o, 0) for i, o in pairwise(widths)),
+            input_mean=np.zeros(widths[0] if widths else 10),
+            input_scale=np.ones(widths[0] if widths else 10),
+            output_mean=np.zeros(3),
+            output_scale=np.ones(3),
+        )
+
+
+@pytest.mark.parametrize("size", [0, 1, 4 * (10 * 8 + 8 + 8 * 3 + 3) - 1, 4 * (10 * 8 + 8 + 8 * 3 + 3) + 4])
+def test_another_number_of_parameter_bytes_is_refused(size: int) -> None:
+    with pytest.raises(ValueError, match="byte"):
+        network(parameters=b"\0" * size)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"activation": 3},
+        {"activation": -1},
+        {"input_mean": np.zeros(9)},
+        {"input_scale": np.ones(11)},
+        {"input_mean": np.zeros(10, np.float32)},
+        {"output_mean": np.zeros(2)},
+        {"output_scale": np.ones((3, 2))[:, 0]},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_an_impossible_network_is_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011
+        network(**changes)
