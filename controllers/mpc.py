@@ -143,7 +143,7 @@ class PathTrackingMPC:
         began = perf_counter()
         references = self._references(state)
         start = np.array([0.0, 0.0, state.heading, state.yaw_rate, state.v_left, state.v_right])
-        guess = self._warm_guess(start, state) or self._cold_guess(start, references)
+        guess = self._warm_guess(start, state) or self._cold_guess(start)
         solution = self._solver(np.concatenate([start, references.ravel()]), guess)
         solve_time = perf_counter() - began
 
@@ -225,16 +225,14 @@ class PathTrackingMPC:
         states[0] = start
         return replace(self._guess, states=states)
 
-    def _cold_guess(self, start: FloatArray, references: FloatArray) -> Solution:
-        """Return a guess that runs along the reference at its speed."""
-        period, limit = self.config.period, self.vehicle.training_speed
-        heading, speed = references[:, 4], references[:, 5]
-        yaw_rate = np.gradient(heading, period)
-        belts = np.array([self.slip.belts(v, w, self.vehicle.tread) for v, w in zip(speed, yaw_rate, strict=True)])
-        belts = np.clip(belts, -limit, limit)
-        states = np.column_stack([references[:, :2], heading, yaw_rate, belts])
-        states[0] = start
-        return self.problem.cold_guess(states, belts[:-1])
+    def _cold_guess(self, start: FloatArray) -> Solution:
+        """Return a guess that holds the belts and so keeps the model."""
+        limit = self.vehicle.training_speed
+        belts = np.clip(start[4:6], -limit, limit)
+        states = [start]
+        for _ in range(self.config.horizon):
+            states.append(np.array(self.problem.model.step(list(states[-1]), list(belts))))
+        return self.problem.cold_guess(np.array(states), np.tile(belts, (self.config.horizon, 1)))
 
     def _move(self, solution: Solution, stage: int) -> BeltCommand:
         # Interior points may pass a bound by the solver's tolerance, which the drive would refuse.

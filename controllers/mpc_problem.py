@@ -269,7 +269,9 @@ class TrackingProblem:
     def __call__(self, parameters: FloatArray, guess: Solution) -> Solution:
         """Solve for the parameters, shape (6 + 8 (N + 1),), from a guess."""
         count, width = self.config.horizon, _STATES + _INPUTS
-        start = np.append(np.hstack([guess.states[:-1], guess.inputs]).ravel(), guess.states[-1])
+        inputs = guess.inputs.copy()
+        inputs[:, 2] = self._needed_slack(parameters, guess.states[:-1])
+        start = np.append(np.hstack([guess.states[:-1], inputs]).ravel(), guess.states[-1])
         result = self._nlp(
             x0=start,
             p=parameters,
@@ -300,6 +302,19 @@ class TrackingProblem:
             success=success,
             iterations=int(stats["iter_count"]),
         )
+
+    def _needed_slack(self, parameters: FloatArray, states: FloatArray) -> FloatArray:
+        """Return the slack with which states of shape (N, 6) keep the corridor, shape (N,)."""
+        reference = parameters[_STATES:].reshape(-1, REFERENCE_SIZE)[:-1]
+        slack = np.zeros(len(states))
+        for reach in (0.5, -0.5):
+            dx, dy = (
+                states[:, axis] + reach * self.vehicle.contact_length * turn(states[:, 2]) - reference[:, axis]
+                for axis, turn in ((0, np.cos), (1, np.sin))
+            )
+            aside = reference[:, 2] * dy - reference[:, 3] * dx
+            slack = np.maximum(slack, np.maximum(aside - reference[:, 7], -aside - reference[:, 6]))
+        return slack
 
     def cold_guess(self, states: FloatArray, inputs: FloatArray) -> Solution:
         """Return a guess of states (N + 1, 6) and commands (N, 2) without multipliers."""
@@ -350,7 +365,7 @@ def _solver_options(
             ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push"), 1e-6
         )
         options = {f"warm_start_{name}": push for name, push in pushes.items()}
-        options |= {"print_level": 0, "sb": "yes", "max_iter": limit, "tol": tolerance, "mu_init": 1e-3}
+        options |= {"print_level": 0, "sb": "yes", "max_iter": limit, "tol": tolerance, "mu_init": float(__import__("os").environ.get("MU","1e-3"))}
         return "ipopt", common | {"ipopt": options | {"warm_start_init_point": "yes"}}
     x, p = problem["x"], problem["p"]
     price, multipliers = casadi.SX.sym("price"), casadi.SX.sym("multipliers", problem["g"].numel())

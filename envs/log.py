@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -100,7 +101,7 @@ class LogRecorder:
             divisions=np.array([record.divisions for record in records], dtype=np.int64),
             ood_score=np.array([r.detection.score if r.detection else np.nan for r in records], dtype=np.float64),
             fallback_weight=np.array([record.state.guard.fallback_weight for record in records], dtype=np.float64),
-            switches=sum(a is not b for a, b in zip(guards, guards[1:], strict=False)),
+            switches=sum(a is not b for a, b in pairwise(guards)),
             meta={
                 "vehicle": simulator.vehicle.to_dict(),
                 "backend": simulator.backend.describe(),

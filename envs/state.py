@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from ..terrain import GuardState, InvalidInputError
 
@@ -14,6 +14,9 @@ class BeltCommand(NamedTuple):
 
     left: float
     right: float
+
+
+_FRESH_GUARD: Final = GuardState()
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class VehicleState:
     ax: float = 0.0
     ay: float = 0.0
     time: float = 0.0
-    guard: GuardState = GuardState()
+    guard: GuardState = _FRESH_GUARD
 
     def __post_init__(self) -> None:
         for field in fields(self)[:11]:

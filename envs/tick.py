@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable
 from typing import Final, Literal, NamedTuple
 
-
 from ..terrain import FloatArray, TrackedVehicle
 
 Integrator = Literal["implicit", "sdirk2", "euler"]

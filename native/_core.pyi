@@ -1,9 +1,10 @@
 from collections.abc import Sequence
+from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-_Array = NDArray[np.float64]
+_Array: TypeAlias = NDArray[np.float64]
 
 class Physics:
     def __new__(
@@ -22,7 +23,7 @@ class Physics:
         cg_height: float,
         contact_center: float,
         soft_speed: float,
-    ) -> Physics: ...
+    ) -> Self: ...
     def forces(self, x: _Array, forces: _Array, /) -> None: ...
     def forces_and_jacobian(self, x: _Array, forces: _Array, jacobian: _Array, /) -> None: ...
     def track_forces(self, x_left: _Array, x_right: _Array, track_forces: _Array, /) -> None: ...
@@ -38,7 +39,7 @@ class Mlp:
         input_scale: _Array,
         output_mean: _Array,
         output_scale: _Array,
-    ) -> Mlp: ...
+    ) -> Self: ...
     def forces(self, x: _Array, forces: _Array, /) -> None: ...
     def forces_and_jacobian(self, x: _Array, forces: _Array, jacobian: _Array, /) -> None: ...
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..native import Mlp
 from ..terrain import (
+    CompiledBackend,
     ConfigurationError,
     FloatArray,
     ForceBackend,
-    InvalidInputError,
     Mode,
     TrackedVehicle,
 )
@@ -23,13 +23,10 @@ Artifact = str | os.PathLike[str] | Surrogate | None
 
 
 class _SurrogateBackend(ForceBackend):
-    """A force backend that evaluates one artifact, float32 between float64 columns and forces."""
+    """What both evaluations of an artifact share: float32 between float64 columns and forces."""
 
     resolution: ClassVar[float] = float(np.finfo(np.float32).eps)
-
-    def __init__(self, vehicle: TrackedVehicle, mode: Mode, artifact: Artifact = None) -> None:
-        super().__init__(vehicle, mode)
-        self.surrogate: Final = Surrogate.resolve(vehicle, mode, artifact)
+    surrogate: Surrogate
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.vehicle, self.mode, self.surrogate)
@@ -39,7 +36,7 @@ class _SurrogateBackend(ForceBackend):
         return super().describe() | {"artifact": self.surrogate.content_hash}
 
 
-class NativeSurrogate(_SurrogateBackend):
+class NativeSurrogate(_SurrogateBackend, CompiledBackend):
     """The network in compiled C, with an analytic Jacobian.
 
     Parameters
@@ -62,46 +59,21 @@ class NativeSurrogate(_SurrogateBackend):
     name: ClassVar[str] = "native"
 
     def __init__(self, vehicle: TrackedVehicle, mode: Mode, artifact: Artifact = None) -> None:
-        super().__init__(vehicle, mode, artifact)
-        network = self.surrogate.network
+        self.surrogate = surrogate = Surrogate.resolve(vehicle, mode, artifact)
+        network = surrogate.network
         try:
-            self._network = Mlp(
+            kernel = Mlp(
                 activation=ACTIVATIONS.index(network.activation),
                 widths=network.widths,
                 parameters=network.packed(),
-                input_mean=self.surrogate.input_normalizer.mean,
-                input_scale=self.surrogate.input_normalizer.scale,
-                output_mean=self.surrogate.output_normalizer.mean,
-                output_scale=self.surrogate.output_normalizer.scale,
+                input_mean=surrogate.input_normalizer.mean,
+                input_scale=surrogate.input_normalizer.scale,
+                output_mean=surrogate.output_normalizer.mean,
+                output_scale=surrogate.output_normalizer.scale,
             )
         except ValueError as error:
             raise ConfigurationError(f"the compiled network cannot hold this one: {error}; use 'torch'") from error
-
-    def forces(self, x: FloatArray) -> FloatArray:
-        """Return [Qx, Qy, Mz], shape (3,) or (n, 3); see :meth:`ForceBackend.forces`."""
-        try:
-            out = np.empty((*x.shape[:-1], 3))
-            self._network.forces(x, out)
-        except (AttributeError, ValueError) as error:
-            return self.forces(self._corrected(x, error))
-        return out
-
-    def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return forces and the analytic ∂Q/∂x over every column."""
-        try:
-            out = np.empty((*x.shape[:-1], 3))
-            jacobian = np.empty((*x.shape[:-1], 3, self.interface.size))
-            self._network.forces_and_jacobian(x, out, jacobian)
-        except (AttributeError, ValueError) as error:
-            return self.forces_and_jacobian(self._corrected(x, error))
-        return out, jacobian
-
-    def _corrected(self, x: Any, error: Exception) -> FloatArray:
-        """Convert an input that the network could not take, or say what is wrong with it."""
-        checked = self.interface.check(x)
-        if checked is x:
-            raise InvalidInputError(str(error))
-        return checked
+        super().__init__(vehicle, mode, kernel)
 
 
 class TorchSurrogate(_SurrogateBackend):
@@ -127,7 +99,8 @@ class TorchSurrogate(_SurrogateBackend):
     name: ClassVar[str] = "torch"
 
     def __init__(self, vehicle: TrackedVehicle, mode: Mode, artifact: Artifact = None) -> None:
-        super().__init__(vehicle, mode, artifact)
+        super().__init__(vehicle, mode)
+        self.surrogate = Surrogate.resolve(vehicle, mode, artifact)
         require_torch()
         import torch
 

@@ -2,6 +2,7 @@
 
 from .backend import ForceBackend, assemble
 from .block import CONTACTS, Contact, ShearGrid, block_forces, reference_forces
+from .compiled import CompiledBackend
 from .errors import (
     ArtifactError,
     ConfigurationError,
@@ -61,6 +62,7 @@ __all__ = [
     "ArrayNamespace",
     "ArtifactError",
     "Column",
+    "CompiledBackend",
     "ConfigurationError",
     "Contact",
     "Detection",

@@ -89,13 +89,13 @@ class ForceBackend(ABC):
 
         Parameters
         ----------
-        x_left, x_right : ndarray, shape (n, d)
+        x_left, x_right : ndarray, shape (n, d) or (d,)
             Interface arrays that differ only in the terrain parameters.
 
         Returns
         -------
         ndarray, shape (n, 2, 3)
-            Left track, then right; moments about the CG.
+            Left track, then right; moments about the CG. One row counts as n = 1.
 
         Raises
         ------

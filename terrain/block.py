@@ -15,6 +15,7 @@ import numpy as np
 from .errors import InvalidInputError, unknown_name
 from .interface import FloatArray, Mode, interface
 from .namespace import NUMPY, ArrayNamespace
+from .parameters import require_in
 from .vehicle import GRAVITY, TrackedVehicle
 
 Contact = Literal["continuous", "per_wheel"]
@@ -219,8 +220,14 @@ def reference_forces(
     Raises
     ------
     InvalidInputError
-        If the shape is wrong or a value is not finite.
+        If the shape is wrong, a value is not finite, k is not positive, or a belt stands still at V_ε = 0.
     """
     checked = interface(mode).check(x)
+    v_eps = vehicle.soft_speed if soft_speed is None else soft_speed
+    require_in("soft_speed", v_eps, 0.0, 10.0)
+    if not np.all(checked[..., -1] > 0):
+        raise InvalidInputError("k must be positive")
+    if v_eps == 0 and not np.all(checked[..., 5:7]):
+        raise InvalidInputError("with soft_speed 0 every belt must run: the contact time of a stopped one is infinite")
     forces: FloatArray = block_forces(NUMPY, vehicle, mode, checked, grid=grid, soft_speed=soft_speed)
     return forces

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from .errors import ConfigurationError
+from .errors import ConfigurationError, InvalidInputError
 from .interface import FloatArray, Mode
 from .parameters import Terrain
 
@@ -36,6 +37,8 @@ class SteppedTerrain:
     ------
     ConfigurationError
         If the modes differ.
+    InvalidInputError
+        If the boundary is not finite.
     """
 
     before: Terrain
@@ -43,6 +46,8 @@ class SteppedTerrain:
     boundary: float
 
     def __post_init__(self) -> None:
+        if not math.isfinite(self.boundary):
+            raise InvalidInputError(f"boundary must be finite, got {self.boundary!r}")
         if self.before.mode != self.beyond.mode:
             raise ConfigurationError(
                 f"a ground has one mode, got {self.before.mode} before and {self.beyond.mode} beyond the boundary"

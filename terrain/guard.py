@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from .backend import ForceBackend
 from .errors import ConfigurationError, InvalidInputError
 from .interface import FloatArray
+from .parameters import require_in
 
 
 @dataclass(frozen=True)
@@ -104,14 +105,18 @@ class SwitchingPolicy:
     blend_samples: int = 4
 
     def __post_init__(self) -> None:
-        if not 1 <= self.entry_votes <= self.entry_window:
+        for name in ("entry_votes", "entry_window", "blend_samples"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise InvalidInputError(f"{name} must be a whole number of at least 1, got {value!r}")
+        if not self.entry_votes <= self.entry_window:
             raise InvalidInputError(
                 f"entry_votes must lie in [1, entry_window = {self.entry_window}], got {self.entry_votes}"
             )
         if not 0 < self.exit_score <= 1:
             raise InvalidInputError(f"exit_score must lie in (0, 1], got {self.exit_score}")
-        if self.exit_time < 0 or self.minimum_dwell < 0 or self.blend_samples < 1:
-            raise InvalidInputError("exit_time and minimum_dwell must not be negative, blend_samples at least 1")
+        for name in ("exit_time", "minimum_dwell"):
+            require_in(name, getattr(self, name), 0.0, 3600.0)
 
     def advance(self, state: GuardState, detection: Detection, elapsed: float) -> GuardState:
         """Return the guard's state for a tick of ``elapsed`` s whose input was scored as ``detection``."""

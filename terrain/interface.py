@@ -152,7 +152,10 @@ class Interface:
             If it has another shape, does not convert to float64, or holds NaN or infinity.
         """
         try:
-            array = np.ascontiguousarray(x, dtype=np.float64)
+            given = np.asarray(x)
+            if np.iscomplexobj(given):
+                raise TypeError("they are complex")
+            array = np.ascontiguousarray(given, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(f"expected numbers of shape ({self.size},) or (n, {self.size}): {error}") from error
         if array.ndim not in (1, 2) or array.shape[-1] != self.size:

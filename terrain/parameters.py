@@ -18,7 +18,10 @@ RangeName = Literal["wide", "paper"]
 def require_in(name: str, value: float, low: float, high: float, *, low_open: bool = False) -> None:
     """Raise InvalidInputError unless ``value`` is a finite number in [low, high], or (low, high] if ``low_open``."""
     inside = (
-        isinstance(value, int | float | np.number) and (low < value if low_open else low <= value) and value <= high
+        isinstance(value, int | float | np.number)
+        and not isinstance(value, bool)
+        and (low < value if low_open else low <= value)
+        and value <= high
     )
     if not inside:
         bracket = "(" if low_open else "["
@@ -36,7 +39,7 @@ class RigidTerrain:
     fr : float
         Rolling resistance coefficient, in [0, 1].
     k : float
-        Shear deformation modulus in m, in (0, 1].
+        Shear deformation modulus in m, in [1e-6, 1].
 
     Raises
     ------
@@ -53,7 +56,7 @@ class RigidTerrain:
     def __post_init__(self) -> None:
         require_in("mu", self.mu, 0.0, 2.0, low_open=True)
         require_in("fr", self.fr, 0.0, 1.0)
-        require_in("k", self.k, 0.0, 1.0, low_open=True)
+        require_in("k", self.k, 1e-6, 1.0)
 
     @property
     def parameters(self) -> FloatArray:
@@ -78,7 +81,7 @@ class SoilTerrain:
     fr : float
         Rolling resistance coefficient, in [0, 1].
     k : float
-        Shear deformation modulus in m, in (0, 1].
+        Shear deformation modulus in m, in [1e-6, 1].
 
     Raises
     ------
@@ -97,7 +100,7 @@ class SoilTerrain:
         require_in("c", self.c, 0.0, 5e5)
         require_in("phi", self.phi, 0.0, 1.2)
         require_in("fr", self.fr, 0.0, 1.0)
-        require_in("k", self.k, 0.0, 1.0, low_open=True)
+        require_in("k", self.k, 1e-6, 1.0)
         if self.c == 0 and self.phi == 0:
             raise InvalidInputError("a soil needs strength: c and phi are both 0")
 
@@ -152,6 +155,17 @@ class ParameterRanges:
     mode: Mode
     low: tuple[float, ...]
     high: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        size = len(self.interface.parameter_names)
+        if (
+            len(self.low) != size
+            or len(self.high) != size
+            or any(a > b for a, b in zip(self.low, self.high, strict=True))
+        ):
+            raise InvalidInputError(
+                f"{self.mode} ranges are {size} bounds low <= high each, got {self.low} and {self.high}"
+            )
 
     @property
     def interface(self) -> Interface:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from ..native import Physics
-from .backend import ForceBackend
 from .block import CONTACTS, Contact, ShearGrid
+from .compiled import CompiledBackend
 from .errors import InvalidInputError
-from .interface import MODES, FloatArray, Mode
+from .interface import MODES, FloatArray, Mode, interface
 from .parameters import require_in
 from .vehicle import GRAVITY, TrackedVehicle
 
+_DOMAIN: Final = "k must be positive, and with soft_speed 0 every belt must run"
 
-class PhysicsBackend(ForceBackend):
+
+class PhysicsBackend(CompiledBackend):
     """Shear stress integrated over a grid of cells, in compiled float64 with an analytic Jacobian.
 
     Parameters
@@ -51,15 +53,14 @@ class PhysicsBackend(ForceBackend):
         contact: Contact = "continuous",
         soft_speed: float | None = None,
     ) -> None:
-        super().__init__(vehicle, mode)
         if len(cells) != 2:
             raise InvalidInputError(f"cells are a pair (along, across), got {cells!r}")
         self.grid = ShearGrid(cells[0], cells[1], contact)
         self.soft_speed = vehicle.soft_speed if soft_speed is None else soft_speed
         require_in("soft_speed", self.soft_speed, 0.0, 10.0)
         try:
-            self._block = Physics(
-                mode=MODES.index(mode),
+            block = Physics(
+                mode=MODES.index(interface(mode).mode),
                 contact=CONTACTS.index(contact),
                 wheels=vehicle.road_wheels,
                 along=self.grid.along,
@@ -75,37 +76,22 @@ class PhysicsBackend(ForceBackend):
             )
         except ValueError as error:
             raise InvalidInputError(str(error)) from error
+        super().__init__(vehicle, mode, block, domain=_DOMAIN)
+        self._block = block
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (self.vehicle, self.mode, self.grid, self.soft_speed)
-
-    def forces(self, x: FloatArray) -> FloatArray:
-        """Return [Qx, Qy, Mz], shape (3,) or (n, 3); see :meth:`ForceBackend.forces`."""
-        try:
-            out = np.empty((*x.shape[:-1], 3))
-            self._block.forces(x, out)
-        except (AttributeError, ValueError) as error:
-            return self.forces(self._corrected(x, error))
-        return out
-
-    def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return forces and the analytic ∂Q/∂x over every column."""
-        try:
-            out = np.empty((*x.shape[:-1], 3))
-            jacobian = np.empty((*x.shape[:-1], 3, self.interface.size))
-            self._block.forces_and_jacobian(x, out, jacobian)
-        except (AttributeError, ValueError) as error:
-            return self.forces_and_jacobian(self._corrected(x, error))
-        return out, jacobian
+        return _rebuild, (type(self), self.vehicle, self.mode, self.grid, self.soft_speed)
 
     def track_forces(self, x_left: FloatArray, x_right: FloatArray) -> FloatArray:
         """Return [Fx, Fy, M] of each track, shape (n, 2, 3); see :meth:`ForceBackend.track_forces`."""
         left, right = (np.atleast_2d(self.interface.check(x)) for x in (x_left, x_right))
+        if left.shape != right.shape:
+            raise InvalidInputError(f"x_left and x_right must have equally many rows, got shapes {left.shape} and {right.shape}")
         out = np.empty((left.shape[0], 2, 3))
         try:
             self._block.track_forces(left, right, out)
         except ValueError as error:
-            raise InvalidInputError(str(error)) from error
+            raise InvalidInputError(f"{error}; {_DOMAIN}") from error
         return out
 
     def describe(self) -> dict[str, Any]:
@@ -116,13 +102,8 @@ class PhysicsBackend(ForceBackend):
             "soft_speed": self.soft_speed,
         }
 
-    def _corrected(self, x: Any, error: Exception) -> FloatArray:
-        """Convert an input that the block could not take, or say what is wrong with it."""
-        checked = self.interface.check(x)
-        if isinstance(x, np.ndarray) and checked is x:
-            raise InvalidInputError(f"{error}; k must be positive, and with soft_speed 0 every belt must run")
-        return checked
 
-
-def _rebuild(vehicle: TrackedVehicle, mode: Mode, grid: ShearGrid, soft_speed: float) -> PhysicsBackend:
-    return PhysicsBackend(vehicle, mode, cells=(grid.along, grid.across), contact=grid.contact, soft_speed=soft_speed)
+def _rebuild(
+    kind: type[PhysicsBackend], vehicle: TrackedVehicle, mode: Mode, grid: ShearGrid, soft_speed: float
+) -> PhysicsBackend:
+    return kind(vehicle, mode, cells=(grid.along, grid.across), contact=grid.contact, soft_speed=soft_speed)

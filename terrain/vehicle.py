@@ -197,5 +197,11 @@ def vehicle_names() -> tuple[str, ...]:
 
 
 def resolve_vehicle(vehicle: str | TrackedVehicle) -> TrackedVehicle:
-    """Return a vehicle given by preset name or as itself."""
-    return TrackedVehicle.preset(vehicle) if isinstance(vehicle, str) else vehicle
+    """Return a vehicle given by preset name or as itself.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is neither.
+    """
+    return vehicle if isinstance(vehicle, TrackedVehicle) else TrackedVehicle.preset(vehicle)

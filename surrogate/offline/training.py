@@ -29,7 +29,6 @@ from .metrics import force_metrics, metrics_to_dict
 from .perturbation import perturbed_rows
 from .split import RunSplit, split_runs
 
-
 # Below this share of a column's variance a direction is rounding, not data.
 _FLAT_VARIANCE: Final = 1e-8
 

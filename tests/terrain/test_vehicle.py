@@ -48,12 +48,6 @@ def test_presets_hold_the_published_numbers(
     assert (v.maximum_speed, v.training_speed) == (top, training)
 
 
-def test_the_wheeled_preset_of_the_table_exists() -> None:
-    warthog = TrackedVehicle.preset("warthog")
-    assert (warthog.mass, warthog.tread, warthog.road_wheels, warthog.sprocket_radius) == (470, 1.08, 2, 0.30)
-    assert warthog.training_speed == 5
-
-
 def test_presets_share_belts_and_centred_mass_and_differ_in_soft_speed() -> None:
     for name in ("m113", "marder", "ugv", "maxxii"):
         v = TrackedVehicle.preset(name)
