@@ -58,9 +58,10 @@ class PhysicsBackend(CompiledBackend):
         self.grid = ShearGrid(cells[0], cells[1], contact)
         self.soft_speed = vehicle.soft_speed if soft_speed is None else soft_speed
         require_in("soft_speed", self.soft_speed, 0.0, 10.0)
+        mode_index = MODES.index(interface(mode).mode)
         try:
             block = Physics(
-                mode=MODES.index(interface(mode).mode),
+                mode=mode_index,
                 contact=CONTACTS.index(contact),
                 wheels=vehicle.road_wheels,
                 along=self.grid.along,

@@ -1,24 +1,54 @@
 #include "grouser/mlp.h"
 
-#include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 #include "cpu.h"
 
-/* Activation of z, with its derivative. */
-static float activate(enum grouser_activation kind, float z, float *slope) {
+/* exp(x) to a few units in the last place, without branches: x = k ln 2 + r, then 2^k times a Taylor sum in r. */
+static inline float exponential(float x) {
+  static const float LOG2E = 1.44269504f, LN2_HIGH = 0.693359375f, LN2_LOW = -2.12194440e-4f,
+                     SHIFT = 12582912.0f; /* 1.5 * 2^23 */
+  const float limited = x < -87.0f ? -87.0f : x > 88.0f ? 88.0f : x;
+  const float shifted = limited * LOG2E + SHIFT;
+  const float k = shifted - SHIFT;
+  const float r = (limited - k * LN2_HIGH) - k * LN2_LOW;
+  float p = 1.0f / 5040.0f;
+  p = p * r + 1.0f / 720.0f;
+  p = p * r + 1.0f / 120.0f;
+  p = p * r + 1.0f / 24.0f;
+  p = p * r + 1.0f / 6.0f;
+  p = p * r + 0.5f;
+  uint32_t bits;
+  float scale;
+  memcpy(&bits, &shifted, sizeof bits);
+  bits = (bits + 127u) << 23;
+  memcpy(&scale, &bits, sizeof scale);
+  return scale + scale * (r + r * r * p);
+}
+
+/* Activations of z, with their derivatives. A NaN stays one. */
+GROUSER_CLONES
+static void activate(enum grouser_activation kind, const float *restrict z, float *restrict value,
+                     float *restrict slope, int count) {
   if (kind == GROUSER_RELU) {
-    *slope = z > 0 ? 1.0f : 0.0f;
-    return z > 0 ? z : 0.0f;
+    for (int n = 0; n < count; n++) {
+      value[n] = z[n] < 0 ? 0.0f : z[n];
+      slope[n] = z[n] > 0 ? 1.0f : 0.0f;
+    }
+  } else if (kind == GROUSER_SILU) {
+    for (int n = 0; n < count; n++) {
+      const float gate = 1.0f / (1.0f + exponential(-z[n]));
+      value[n] = z[n] * gate;
+      slope[n] = gate * (1.0f + z[n] * (1.0f - gate));
+    }
+  } else {
+    for (int n = 0; n < count; n++) {
+      const float t = 1.0f - 2.0f / (1.0f + exponential(2.0f * z[n]));
+      value[n] = t;
+      slope[n] = 1.0f - t * t;
+    }
   }
-  if (kind == GROUSER_SILU) {
-    const float gate = 1.0f / (1.0f + expf(-z));
-    *slope = gate * (1.0f + z * (1.0f - gate));
-    return z * gate;
-  }
-  const float t = tanhf(z);
-  *slope = 1.0f - t * t;
-  return t;
 }
 
 /* One input at a time against a row of outputs: the additions keep their order at every vector width. */
@@ -62,7 +92,7 @@ void grouser_mlp_forces(const grouser_mlp *net, const double *x, double force[GR
     const int outputs = net->widths[layer + 1];
     affine(net->weights[layer], net->biases[layer], value, net->widths[layer], next, outputs);
     if (layer == last) break;
-    for (int o = 0; o < outputs; o++) value[o] = activate(net->activation, next[o], &slope[layer][o]);
+    activate(net->activation, next, value, slope[layer], outputs);
   }
   for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = net->output_mean[n] + net->output_scale[n] * (double)next[n];
   if (!jacobian) return;
