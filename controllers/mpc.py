@@ -13,7 +13,7 @@ from ..envs.paths import Path
 from ..envs.state import BeltCommand, VehicleState
 from ..terrain import ConfigurationError, FloatArray, TrackedVehicle, resolve_vehicle
 from ..terrain.parameters import require_in
-from .mpc_problem import SOLVERS, FailureAction, MPCConfig, Solution, Solver, TrackingProblem
+from .mpc_problem import FailureAction, MPCConfig, Solution, Solver, TrackingProblem
 from .slip_model import SlipParameters
 from .speed_profile import SpeedProfile
 
@@ -181,13 +181,14 @@ class PathTrackingMPC:
             )
 
     def _references(self, state: VehicleState) -> FloatArray:
-        """Return the references of the stages, shape (N + 1, 8), positions relative to the vehicle."""
+        """Return the references of the stages, shape (N + 1, 9), positions relative to the vehicle."""
         foot = self.path.project(state.x, state.y, self._arc_length)
         self._arc_length = foot.arc_length
         arc_length = [foot.arc_length]
         for _ in range(self.config.horizon):
             arc_length.append(arc_length[-1] + self.config.period * float(self.profile.at(arc_length[-1])))
         x, y, heading, curvature = self.path.sample(arc_length)
+        speed = self.profile.at(arc_length)
         right, left = self._room(x, y)
         # The path's heading and the vehicle's are both unwrapped, each from a start of its own.
         turns = 2 * math.pi * round((state.heading - heading[0]) / (2 * math.pi))
@@ -199,7 +200,8 @@ class PathTrackingMPC:
                 np.cos(heading),
                 np.sin(heading),
                 heading + turns + side_slip,
-                self.profile.at(arc_length),
+                speed * curvature,
+                speed,
                 right,
                 left,
             ]

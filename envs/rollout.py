@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..terrain import InvalidInputError
+from ..terrain import InvalidInputError, SimulationDivergedError
 from .log import InterfaceLog, LogRecorder
 from .simulator import Simulator
 from .state import Driver, VehicleState
@@ -63,7 +63,7 @@ def rollout(
     InvalidInputError
         If the periods do not divide.
     SimulationDivergedError
-        If a tick was not solved.
+        If a tick was not solved; its ``log`` holds the drive up to there.
     """
     ticks = whole_ratio(duration, simulator.tick, "duration and tick")
     hold = whole_ratio(control_period, simulator.tick, "control period and tick")
@@ -75,5 +75,10 @@ def rollout(
             if until is not None and until(state):
                 break
             command = driver.command(state)
-        recorder.append(command, simulator.step(command))
+        try:
+            record = simulator.step(command)
+        except SimulationDivergedError as error:
+            error.log = recorder.finish()
+            raise
+        recorder.append(command, record)
     return recorder.finish()

@@ -21,26 +21,21 @@ from ..terrain import (
     PhysicsBackend,
     TrackedVehicle,
     make_backend,
-    parameter_ranges,
     resolve_terrain,
     resolve_vehicle,
     unknown_name,
 )
+from .observation import OBSERVATION_BOUND, Observation, belt_command, observation_size, observe, reference_speed
 from .path import Path, Projection
 from .paths import make_path
 from .rendering import Renderer
 from .rollout import whole_ratio
 from .simulator import Simulator, TickRecord
-from .state import BeltCommand, VehicleState
+from .state import VehicleState
 from .tracking_config import check_reset_options, tracking_config
 
-Observation = NDArray[np.float32]
 RenderMode = Literal["rgb_array", "human"]
 
-#: Look-ahead points, in s at the reference speed.
-LOOK_AHEAD_TIMES: Final = (0.4, 0.8, 1.2, 1.6, 2.0)
-#: Bound of every part of the observation; only a diverging vehicle comes near it, and is clipped there.
-OBSERVATION_BOUND: Final = 10.0
 # Cells of the block that the slip power is taken from, whatever the backend: a plain network has no track forces.
 _SLIP_POWER_CELLS: Final = (2, 1)
 
@@ -74,16 +69,16 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     ## Reward
 
-    ``progress_weight · min(Δs/(v_ref Δt), 1) − cross_track_weight · (e/2 m)² − action_change_weight · |Δa|²
+    ``progress_weight · min(p, 2 − p) − cross_track_weight · (e/2 m)² − action_change_weight · |Δa|²
     − slip_power_weight · P_slip/(W v_ref)``
 
-    with Δs the progress along the path, e the cross-track error, and P_slip ≥ 0 the power that the tracks lose to
+    with p = Δs/(v_ref Δt) the progress along the path over that at reference speed, e the cross-track error, and P_slip ≥ 0 the power that the tracks lose to
     slip: belt power less the power that reaches the body, without rolling resistance, from the block at 2 × 1 cells an
     element on every backend. The terms are in ``info["reward_terms"]``.
 
     ## Start and end
 
-    The vehicle starts near the path's start, rolling along it; see :class:`ResetOptions`. An episode terminates
+    The vehicle starts near the path's start (with ``random_start``, anywhere on it), rolling along it; see :class:`ResetOptions`. An episode terminates
     beyond ``maximum_cross_track`` or at the path's end (one lap of a closed path), and is truncated at
     ``time_limit``.
 
@@ -147,16 +142,12 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         )
         self._ticks = whole_ratio(self.config.control_period, self.config.tick, "control_period and tick")
         self._steps = whole_ratio(self.config.time_limit, self.config.control_period, "time_limit and control_period")
-        self.reference_speed: Final = self.config.reference_speed or self.vehicle.training_speed / 2
+        self.reference_speed: Final = reference_speed(self.vehicle, self.config)
         self._slip_block = PhysicsBackend(self.vehicle, built.mode, cells=_SLIP_POWER_CELLS)
-        self._theta_low, self._theta_high = (
-            np.array(bound)
-            for bound in (parameter_ranges("wide", built.mode).low, parameter_ranges("wide", built.mode).high)
-        )
         self.render_mode = render_mode
         self._renderer: Renderer | None = None
         self.metadata = self.metadata | {"render_fps": round(1 / self.config.control_period)}
-        size = 9 + 2 * len(LOOK_AHEAD_TIMES) + (len(self._theta_low) if self.config.observe_terrain else 0)
+        size = observation_size(built.mode, self.config)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = gymnasium.spaces.Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (size,), np.float32)
         self._action = np.zeros(2)
@@ -173,12 +164,13 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         chosen = check_reset_options(options or {})
-        lateral, heading, share = self.np_random.uniform(-1.0, 1.0, size=3)
+        lateral, heading, share, along = self.np_random.uniform(-1.0, 1.0, size=4)
         lateral = chosen.get("lateral_offset", self.config.lateral_spread * lateral)
         heading = chosen.get("heading_offset", self.config.heading_spread * heading)
         lowest = self.config.lowest_start_speed
         speed = chosen.get("speed", self.reference_speed * (lowest + (1 - lowest) * (share + 1) / 2))
-        arc_length = chosen.get("arc_length", 0.0)
+        drawn_start = self.path.length * (along + 1) / 2 if self.config.random_start else 0.0
+        arc_length = float(chosen.get("arc_length", drawn_start))
         x, y = self.path.point_at(arc_length)
         direction = self.path.heading_at(arc_length)
         drawn = VehicleState.rolling(
@@ -214,7 +206,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         checked = np.asarray(action, dtype=np.float64)
         if checked.shape != (2,) or not np.all(np.abs(checked) <= 1.0):
             raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
-        command = self.belt_command(checked)
+        command = belt_command(checked, self.vehicle, self.config)
         for _ in range(self._ticks):
             record = self.simulator.step(command)
         foot = self.path.project(record.state.x, record.state.y, near=self._foot.arc_length)
@@ -245,38 +237,16 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self._renderer.close()
             self._renderer = None
 
-    def belt_command(self, action: NDArray[np.float64]) -> BeltCommand:
-        """Return the belt-speed command in m/s that an action in [-1, 1]² stands for."""
-        limit = self.vehicle.training_speed
-        if self.config.action_mode == "belts":
-            return BeltCommand(limit * float(action[0]), limit * float(action[1]))
-        speed = limit * float(action[0])
-        half_difference = self.config.yaw_rate_scale * float(action[1]) * self.vehicle.tread / 2
-        left, right = (min(limit, max(-limit, belt)) for belt in (speed - half_difference, speed + half_difference))
-        return BeltCommand(left, right)
-
     def _observation(self) -> Observation:
-        state, foot = self.simulator.get_state(), self._foot
-        speed_scale = self.vehicle.training_speed
-        ahead = self.reference_speed * np.array(LOOK_AHEAD_TIMES)
-        x, y, _, _ = self.path.sample(foot.arc_length + ahead)
-        cosine, sine = math.cos(state.heading), math.sin(state.heading)
-        dx, dy = x - state.x, y - state.y
-        points = np.stack([cosine * dx + sine * dy, cosine * dy - sine * dx], axis=1) / ahead[-1]
-        motion = [
-            state.vx / speed_scale,
-            state.vy / speed_scale,
-            state.yaw_rate / self.config.yaw_rate_scale,
-            state.v_left / speed_scale,
-            state.v_right / speed_scale,
-            foot.cross_track / self.config.maximum_cross_track,
-            math.remainder(state.heading - foot.heading, 2 * math.pi) / math.pi,
-        ]
-        parts = [motion, points.ravel(), self._action]
-        if self.config.observe_terrain:
-            theta = self.simulator.ground.parameters_at(state.x, state.y)
-            parts.append(2 * (theta - self._theta_low) / (self._theta_high - self._theta_low) - 1)
-        return np.clip(np.concatenate(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND).astype(np.float32)
+        return observe(
+            self.simulator.get_state(),
+            self._foot,
+            self._action,
+            vehicle=self.vehicle,
+            path=self.path,
+            config=self.config,
+            ground=self.simulator.ground,
+        )
 
     def _reward_terms(self, action: NDArray[np.float64], foot: Projection, record: TickRecord) -> dict[str, float]:
         config = self.config
@@ -285,7 +255,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         change = action - self._action
         power_scale = self.vehicle.weight * self.reference_speed
         return {
-            "progress": config.progress_weight * min(progress, 1.0),
+            "progress": config.progress_weight * min(progress, 2.0 - progress),
             "cross_track": -config.cross_track_weight * (foot.cross_track / 2.0) ** 2,
             "action_change": -config.action_change_weight * float(change @ change),
             "slip_power": -config.slip_power_weight * self._slip_power(record) / power_scale,

@@ -69,6 +69,8 @@ class TrackingConfig:
         Half-widths of the uniform draws of the initial offsets, in m and rad.
     lowest_start_speed : float
         Initial speed is drawn from this share of the reference speed up to all of it.
+    random_start : bool
+        Whether an episode starts anywhere along the path, as suits training, or at the path's start.
     progress_weight, cross_track_weight, action_change_weight, slip_power_weight : float
         Weights of the reward's terms.
 
@@ -92,6 +94,7 @@ class TrackingConfig:
     lateral_spread: float = 0.2
     heading_spread: float = 0.05
     lowest_start_speed: float = 0.5
+    random_start: bool = False
     progress_weight: float = 1.0
     cross_track_weight: float = 1.0
     action_change_weight: float = 0.05

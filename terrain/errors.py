@@ -31,11 +31,17 @@ class SimulationDivergedError(GrouserError, RuntimeError):
         What happened.
     state : object, optional
         The vehicle state before the tick.
+
+    Attributes
+    ----------
+    log : object
+        The drive up to that tick, where a rollout kept one.
     """
 
     def __init__(self, message: str, state: object = None) -> None:
         super().__init__(message)
         self.state = state
+        self.log: object = None
 
 
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> ConfigurationError:

@@ -1,0 +1,319 @@
+"""The same drivers on every backend, and what changes: paired drives, one row each, in ``compare.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from time import perf_counter
+from typing import Any, Final
+
+import numpy as np
+
+from ..envs import BeltCommand, Driver, InterfaceLog, Path, Simulator, VehicleState, rollout
+from ..surrogate.offline.metrics import output_metrics
+from ..terrain import (
+    OUTPUT_NAMES,
+    FloatArray,
+    ForceBackend,
+    Ground,
+    InvalidInputError,
+    SimulationDivergedError,
+    TrackedVehicle,
+    make_backend,
+)
+
+#: Row fields that hold times; two equal comparisons differ in nothing else.
+TIME_FIELDS: Final = ("force_call_ns", "deadline_misses")
+REFERENCE_BACKEND: Final = "physics"
+_TIMED_CALLS: Final = 400
+
+DriverFactory = Callable[[], Driver]
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A ground, a path, and the speed to start at.
+
+    Parameters
+    ----------
+    name : str
+        Of the scenario.
+    terrain : str
+        Of the ground, for the table.
+    ground : Ground
+        Under the vehicle.
+    path : Path
+        To drive along.
+    vehicle : TrackedVehicle
+        That drives.
+    speed : float
+        Initial speed in m/s.
+    drivers : mapping of str to callable
+        A fresh driver by controller name.
+    backend_options : mapping of str to mapping
+        Options of :func:`~grouser.terrain.make_backend` by backend name.
+    time_limit : float
+        Of a drive, in s.
+    """
+
+    name: str
+    terrain: str
+    ground: Ground
+    path: Path
+    vehicle: TrackedVehicle
+    speed: float
+    drivers: Mapping[str, DriverFactory]
+    backend_options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    time_limit: float = 60.0
+
+
+@dataclass(frozen=True)
+class ComparisonRow:
+    """One drive against the same drive on physics.
+
+    Parameters
+    ----------
+    scenario, terrain, controller, backend : str
+        What drove where.
+    seed : int
+        Of the initial offsets.
+    finished : bool
+        Whether the vehicle reached the path's end; not so where time ran out or the simulation diverged.
+    cross_track_rmse_m : float
+        Over all ticks.
+    corridor_violation_m : float or None
+        Largest distance of a corner of the footprint beyond its lane; None without a corridor.
+    final_position_difference_m, final_heading_difference_rad : float
+        From the drive on physics, at the instant at which the shorter of the two ended.
+    force_r2 : list of float or None
+        R² of Qx, Qy, Mz against physics at the drive's own logged inputs; None where the physics does not vary.
+    first_move_difference_rms : float
+        Root mean square over control instants of the difference of the belt commands from the drive on physics,
+        over the training speed.
+    failed_solves : int
+        Of a controller that solves.
+    fallback_rate : float
+        Share of ticks in which the fallback had a part in the force.
+    switches : int
+        Of the guard.
+    force_call_ns : float
+        Median time of one force call at logged inputs, from Python.
+    deadline_misses : int
+        Control instants whose command took longer than the control period.
+    """
+
+    scenario: str
+    terrain: str
+    controller: str
+    backend: str
+    seed: int
+    finished: bool
+    cross_track_rmse_m: float
+    corridor_violation_m: float | None
+    final_position_difference_m: float
+    final_heading_difference_rad: float
+    force_r2: list[float | None]
+    first_move_difference_rms: float
+    failed_solves: int
+    fallback_rate: float
+    switches: int
+    force_call_ns: float
+    deadline_misses: int
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """One row with the log behind it."""
+
+    row: ComparisonRow
+    log: InterfaceLog
+
+
+class _Timed:
+    """A driver that counts the commands that took longer than the control period."""
+
+    def __init__(self, driver: Driver, period: float) -> None:
+        self.driver = driver
+        self.misses = 0
+        self._period = period
+
+    def reset(self) -> None:
+        self.misses = 0
+        self.driver.reset()
+
+    def command(self, state: VehicleState) -> BeltCommand:
+        began = perf_counter()
+        command = self.driver.command(state)
+        self.misses += perf_counter() - began > self._period
+        return command
+
+
+def compare(
+    scenarios: Sequence[Scenario],
+    backends: Sequence[str],
+    *,
+    seeds: Sequence[int] = (0,),
+    control_period: float = 0.1,
+    progress: Progress | None = None,
+) -> list[Drive]:
+    """Drive every scenario with each of its controllers on every backend, from equal starts.
+
+    Parameters
+    ----------
+    scenarios : sequence of Scenario
+        What to drive.
+    backends : sequence of str
+        Names; physics is driven first, whatever its place, for the others to be held against.
+    seeds : sequence of int
+        Initial offsets: each draws a lateral offset within ±0.1 m and a heading offset within ±0.01 rad.
+    control_period : float
+        In s.
+    progress : callable, optional
+        Called with a description before each drive.
+
+    Returns
+    -------
+    list of Drive
+        In order of scenario, controller, seed, backend.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is nothing to compare.
+    """
+    if not scenarios or not backends or not seeds:
+        raise InvalidInputError("a comparison needs at least one scenario, backend and seed")
+    order = [REFERENCE_BACKEND, *(name for name in backends if name != REFERENCE_BACKEND)]
+    drives = []
+    for scenario in scenarios:
+        built = {name: _backend(scenario, name) for name in order}
+        for controller, factory in scenario.drivers.items():
+            for seed in seeds:
+                reference: Drive | None = None
+                for name in order:
+                    if progress:
+                        progress(f"{scenario.name} · {controller} · {name}")
+                    drive = _drive(scenario, controller, factory(), name, built, seed, control_period, reference)
+                    reference = reference or drive
+                    drives.append(drive)
+    return drives
+
+
+def document(drives: Sequence[Drive], meta: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what ``compare.json`` holds: ``{"meta": ..., "rows": [...]}``."""
+    return {
+        "meta": {"grouser": version("grouser"), "time_fields": list(TIME_FIELDS), **meta},
+        "rows": [asdict(drive.row) for drive in drives],
+    }
+
+
+def without_times(compared: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a comparison without the fields that hold times, for telling whether two are equal."""
+    rows = [{key: value for key, value in row.items() if key not in TIME_FIELDS} for row in compared["rows"]]
+    return {"meta": {key: value for key, value in compared["meta"].items() if key != "times"}, "rows": rows}
+
+
+def _backend(scenario: Scenario, name: str) -> ForceBackend:
+    options = scenario.backend_options.get(name, {})
+    return make_backend(name, mode=scenario.ground.mode, vehicle=scenario.vehicle, **options)
+
+
+def start_state(scenario: Scenario, seed: int) -> VehicleState:
+    """Return where a seed's drives start: rolling along the path, a little off it."""
+    lateral, heading = np.random.default_rng(seed).uniform(-1.0, 1.0, size=2) * (0.1, 0.01)
+    x, y = scenario.path.point_at(0.0)
+    direction = scenario.path.heading_at(0.0)
+    return VehicleState.rolling(
+        scenario.speed,
+        x=float(x - lateral * np.sin(direction)),
+        y=float(y + lateral * np.cos(direction)),
+        heading=float(direction + heading),
+    )
+
+
+def _drive(
+    scenario: Scenario,
+    controller: str,
+    driver: Driver,
+    name: str,
+    backends: Mapping[str, ForceBackend],
+    seed: int,
+    control_period: float,
+    reference: Drive | None,
+) -> Drive:
+    path, vehicle, backend = scenario.path, scenario.vehicle, backends[name]
+    simulator = Simulator(vehicle, backend, scenario.ground, state=start_state(scenario, seed))
+    timed = _Timed(driver, control_period)
+    near = 0.0
+
+    def at_end(state: VehicleState) -> bool:
+        nonlocal near
+        near = path.project(state.x, state.y, near=near).arc_length
+        return near >= path.length
+
+    try:
+        log = rollout(simulator, timed, scenario.time_limit, control_period=control_period, until=at_end)
+    except SimulationDivergedError as error:
+        # A surrogate far outside its data may well diverge: that is a result, not a reason to lose the others.
+        if not isinstance(error.log, InterfaceLog) or not len(error.log):
+            raise
+        log = error.log
+    cross_track, last = _cross_track(path, log)
+    truth = backends[REFERENCE_BACKEND].forces(log.inputs)
+    against = reference.log if reference else log
+    ticks = round(control_period / simulator.tick)
+    common = min(len(log), len(against))
+    moves, their_moves = log.commands[:common:ticks], against.commands[:common:ticks]
+    position = log.states[common, :2] - against.states[common, :2]
+    heading = log.state("heading")[common] - against.state("heading")[common]
+    row = ComparisonRow(
+        scenario=scenario.name,
+        terrain=scenario.terrain,
+        controller=controller,
+        backend=name,
+        seed=seed,
+        finished=bool(last >= path.length),
+        cross_track_rmse_m=float(np.sqrt(np.mean(cross_track**2))),
+        corridor_violation_m=_violation(scenario, log),
+        final_position_difference_m=float(np.hypot(*position)),
+        final_heading_difference_rad=abs(float(heading)),
+        force_r2=[output_metrics(log.forces[:, i], truth[:, i]).r2 for i in range(len(OUTPUT_NAMES))],
+        first_move_difference_rms=float(
+            np.sqrt(np.mean(np.sum((moves - their_moves) ** 2, axis=1))) / vehicle.training_speed
+        ),
+        failed_solves=sum(not record.success for record in getattr(driver, "records", ())),
+        fallback_rate=log.fallback_rate,
+        switches=log.switches,
+        force_call_ns=_force_call_ns(backend, log.inputs),
+        deadline_misses=timed.misses,
+    )
+    return Drive(row, log)
+
+
+def _cross_track(path: Path, log: InterfaceLog) -> tuple[FloatArray, float]:
+    near, errors = 0.0, []
+    for x, y in log.states[:, :2]:
+        foot = path.project(float(x), float(y), near=near)
+        near = foot.arc_length
+        errors.append(foot.cross_track)
+    return np.array(errors), near
+
+
+def _violation(scenario: Scenario, log: InterfaceLog) -> float | None:
+    if scenario.path.corridor is None:
+        return None
+    vehicle = scenario.vehicle
+    pose = (log.state(name) for name in ("x", "y", "heading"))
+    return float(scenario.path.corridor.violations(*pose, vehicle.contact_length, vehicle.overall_width).max())
+
+
+def _force_call_ns(backend: ForceBackend, inputs: FloatArray) -> float:
+    rows = inputs[:: max(1, len(inputs) // _TIMED_CALLS)]
+    times = []
+    for row in rows:
+        began = perf_counter()
+        backend.forces(row)
+        times.append(perf_counter() - began)
+    return float(np.median(times) * 1e9)

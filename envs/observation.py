@@ -1,0 +1,95 @@
+"""What a path-tracking policy sees and how its actions become belt commands, apart from any environment.
+
+The environment and a policy that drives a bare simulator share these functions, so that both see the same numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..terrain import FloatArray, Ground, Mode, TrackedVehicle, parameter_ranges
+from .path import Path, Projection
+from .state import BeltCommand, VehicleState
+from .tracking_config import TrackingConfig
+
+Observation = NDArray[np.float32]
+
+#: Look-ahead points, in s at the reference speed.
+LOOK_AHEAD_TIMES: Final = (0.4, 0.8, 1.2, 1.6, 2.0)
+#: Bound of every part of the observation; only a diverging vehicle comes near it, and is clipped there.
+OBSERVATION_BOUND: Final = 10.0
+
+
+def reference_speed(vehicle: TrackedVehicle, config: TrackingConfig) -> float:
+    """Return the speed at which progress earns most, in m/s."""
+    return vehicle.training_speed / 2 if config.reference_speed is None else config.reference_speed
+
+
+def observation_size(mode: Mode, config: TrackingConfig) -> int:
+    """Return the length of an observation."""
+    terrain = len(parameter_ranges("wide", mode).low) if config.observe_terrain else 0
+    return 9 + 2 * len(LOOK_AHEAD_TIMES) + terrain
+
+
+def observe(
+    state: VehicleState,
+    foot: Projection,
+    previous_action: FloatArray,
+    *,
+    vehicle: TrackedVehicle,
+    path: Path,
+    config: TrackingConfig,
+    ground: Ground,
+) -> Observation:
+    """Return the observation; parts and scales as in :class:`~grouser.envs.PathTrackingEnv`.
+
+    Parameters
+    ----------
+    state : VehicleState
+        Of the vehicle.
+    foot : Projection
+        The vehicle's on the path.
+    previous_action : ndarray, shape (2,)
+        In [-1, 1].
+    vehicle, path, config, ground
+        Of the task; the ground is looked at only with ``observe_terrain``.
+
+    Returns
+    -------
+    ndarray, shape (19,), or longer by the terrain parameters
+    """
+    ahead = reference_speed(vehicle, config) * np.array(LOOK_AHEAD_TIMES)
+    x, y, _, _ = path.sample(foot.arc_length + ahead)
+    cosine, sine = math.cos(state.heading), math.sin(state.heading)
+    dx, dy = x - state.x, y - state.y
+    points = np.stack([cosine * dx + sine * dy, cosine * dy - sine * dx], axis=1) / ahead[-1]
+    motion = [
+        state.vx / vehicle.training_speed,
+        state.vy / vehicle.training_speed,
+        state.yaw_rate / config.yaw_rate_scale,
+        state.v_left / vehicle.training_speed,
+        state.v_right / vehicle.training_speed,
+        foot.cross_track / config.maximum_cross_track,
+        math.remainder(state.heading - foot.heading, 2 * math.pi) / math.pi,
+    ]
+    parts = [motion, points.ravel(), previous_action]
+    if config.observe_terrain:
+        ranges = parameter_ranges("wide", ground.mode)
+        low, high = np.array(ranges.low), np.array(ranges.high)
+        parts.append(2 * (ground.parameters_at(state.x, state.y) - low) / (high - low) - 1)
+    return np.clip(np.concatenate(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND).astype(np.float32)
+
+
+def belt_command(action: FloatArray, vehicle: TrackedVehicle, config: TrackingConfig) -> BeltCommand:
+    """Return the belt-speed command in m/s that an action in [-1, 1]² stands for; twists saturate at the belts."""
+    limit = vehicle.training_speed
+    if config.action_mode == "belts":
+        return BeltCommand(limit * float(action[0]), limit * float(action[1]))
+    speed = limit * float(action[0])
+    half_difference = config.yaw_rate_scale * float(action[1]) * vehicle.tread / 2
+    left, right = (min(limit, max(-limit, belt)) for belt in (speed - half_difference, speed + half_difference))
+    return BeltCommand(left, right)
