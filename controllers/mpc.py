@@ -13,7 +13,8 @@ from ..envs.paths import Path
 from ..envs.state import BeltCommand, VehicleState
 from ..terrain import ConfigurationError, FloatArray, TrackedVehicle, resolve_vehicle
 from ..terrain.parameters import require_in
-from .mpc_problem import FailureAction, MPCConfig, Solution, Solver, TrackingProblem
+from .mpc_config import FailureAction, MPCConfig
+from .mpc_problem import Solution, Solver, TrackingProblem
 from .slip_model import SlipParameters
 from .speed_profile import SpeedProfile
 

@@ -90,7 +90,7 @@ class PurePursuit:
         speed: float = 5.0,
         *,
         slip: SlipParameters = _NO_SLIP,
-        config: PurePursuitConfig = PurePursuitConfig(),  # noqa: B008 - frozen
+        config: PurePursuitConfig = PurePursuitConfig(),
     ) -> None:
         self.path: Final = path
         self.vehicle: Final = resolve_vehicle(vehicle)
@@ -115,7 +115,7 @@ class PurePursuit:
         half = self.slip.belts(0.0, yaw_rate, self.vehicle.tread).right
         limit = self.vehicle.training_speed
         half = min(max(half, -limit), limit)
-        mean = self._mean_belt(state.vx, float(self.profile.at(foot.arc_length)), limit - abs(half))
+        mean = self._mean_belt(state, float(self.profile.at(foot.arc_length)), limit - abs(half))
         return BeltCommand(mean - half, mean + half)
 
     def _curvature(self, state: VehicleState, arc_length: float) -> float:
@@ -126,13 +126,17 @@ class PurePursuit:
         # Far off the path the aim is no nearer than the look-ahead; right at it, the arc must stay finite.
         return 2 * lateral / max(dx * dx + dy * dy, reach * reach / 4)
 
-    def _mean_belt(self, speed: float, reference: float, limit: float) -> float:
-        """Return the mean belt speed within ±limit; the integral stands still while the limit holds it back."""
-        error = reference - speed
+    def _mean_belt(self, state: VehicleState, reference: float, limit: float) -> float:
+        """Return the mean belt speed within ±limit; the integral stands still while the drive cannot follow it."""
+        error = reference - state.vx
         forward = reference / self.slip.longitudinal_gain + self.config.proportional * error
         advanced = self._integral + self.config.integral * self.config.period * error
         wanted = forward + advanced
         mean = min(max(wanted, -limit), limit)
-        if wanted == mean or (wanted - mean) * error < 0:
+        # Beyond a·T_d from its speed a belt ramps at its greatest acceleration, whatever the command.
+        ramp = self.vehicle.belt_acceleration * self.vehicle.belt_time_constant
+        belt = (state.v_left + state.v_right) / 2
+        followed = min(max(mean, belt - ramp), belt + ramp)
+        if wanted == followed or (wanted - followed) * error < 0:
             self._integral = advanced
         return mean

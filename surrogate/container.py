@@ -33,7 +33,7 @@ def content_hash(tensors: Tensors, metadata: dict[str, Any]) -> str:
     """
     digest = hashlib.sha256(_to_json(metadata).encode())
     for name in sorted(tensors):
-        array = np.ascontiguousarray(tensors[name])
+        array = np.asarray(tensors[name], order="C")
         digest.update(f"\n{name} {array.dtype.str} {list(array.shape)}\n".encode())
         digest.update(array.tobytes())
     return digest.hexdigest()
@@ -48,7 +48,7 @@ def pack(tensors: Tensors, metadata: dict[str, Any]) -> bytes:
         If the metadata cannot be held by JSON.
     """
     sealed = metadata | {_HASH: content_hash(tensors, metadata)}
-    return save_tensors({name: np.ascontiguousarray(a) for name, a in tensors.items()}, {_KEY: _to_json(sealed)})
+    return save_tensors({name: np.asarray(a, order="C") for name, a in tensors.items()}, {_KEY: _to_json(sealed)})
 
 
 def unpack(data: bytes, source: str, newest_version: int) -> tuple[Tensors, dict[str, Any]]:
@@ -78,7 +78,7 @@ def unpack(data: bytes, source: str, newest_version: int) -> tuple[Tensors, dict
         version, stored = metadata["format_version"], metadata.pop(_HASH)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ArtifactError(
-            f"artifact {source!r} lacks grouser's metadata ({error}); write it with Surrogate.save"
+            f"artifact {source!r} lacks grouser's metadata ({error}); only what grouser saved can be loaded"
         ) from error
     if version not in range(1, newest_version + 1):
         raise ArtifactError(

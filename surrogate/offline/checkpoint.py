@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from ...terrain import ArtifactError
+from ..container import pack, unpack, write_aside
+
+FORMAT_VERSION: Final = 1
+_PROGRESS: Final = ("rate", "epoch", "stale", "flat", "best_loss")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,22 +65,14 @@ class TrainingState:
 
 
 def save_checkpoint(path: Path, state: TrainingState, module: Any, optimizer: Any, identity: Mapping[str, Any]) -> None:
-    """Write module, optimizer and state, aside and renamed."""
-    from safetensors.torch import save_file
-
+    """Write module, optimizer and state as one sealed file, aside and renamed."""
     tensors = {f"module.{name}": value for name, value in module.state_dict().items()}
     tensors |= {f"best.{name}": value for name, value in state.best_parameters.items()}
     for index, entry in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{name}": value for name, value in entry.items()}
-    progress = {name: getattr(state, name) for name in ("rate", "epoch", "stale", "flat", "best_loss")}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(path.name + ".part")
-    save_file(
-        {name: value.contiguous() for name, value in tensors.items()},
-        aside,
-        metadata={"identity": _digest(identity), "progress": json.dumps(progress)},
-    )
-    os.replace(aside, path)
+    progress = {name: getattr(state, name) for name in _PROGRESS}
+    metadata = {"format_version": FORMAT_VERSION, "identity": dict(identity), "progress": progress}
+    write_aside(path, pack({name: value.numpy() for name, value in tensors.items()}, metadata))
 
 
 def load_checkpoint(path: Path, module: Any, optimizer: Any, identity: Mapping[str, Any]) -> TrainingState | None:
@@ -87,23 +81,25 @@ def load_checkpoint(path: Path, module: Any, optimizer: Any, identity: Mapping[s
     Raises
     ------
     ArtifactError
-        If it is unreadable or belongs to another training.
+        If it is truncated or altered, or belongs to another training.
     """
     if not path.exists():
         return None
-    from safetensors import SafetensorError, safe_open
+    import torch
 
     try:
-        with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
-        progress = json.loads(metadata["progress"])
-    except (SafetensorError, OSError, KeyError, ValueError) as error:
+        arrays, metadata = unpack(path.read_bytes(), str(path), FORMAT_VERSION)
+        progress = metadata["progress"]
+        if set(progress) != set(_PROGRESS):
+            raise ArtifactError(f"its progress holds {sorted(progress)}, not {sorted(_PROGRESS)}")
+    except (ArtifactError, KeyError, TypeError) as error:
         raise ArtifactError(f"{path} is not a training checkpoint; remove it to start anew: {error}") from error
-    if metadata.get("identity") != _digest(identity):
+    # The JSON round trip makes lists of tuples, on both sides.
+    if metadata.get("identity") != json.loads(json.dumps(identity)):
         raise ArtifactError(
             f"{path} is of another dataset or recipe; remove it to start anew, or choose another output"
         )
+    tensors = {name: torch.from_numpy(array.copy()) for name, array in arrays.items()}
     groups: dict[str, dict[str, Any]] = {"module": {}, "best": {}}
     moments: dict[int, dict[str, Any]] = {}
     for name, value in tensors.items():
@@ -116,7 +112,3 @@ def load_checkpoint(path: Path, module: Any, optimizer: Any, identity: Mapping[s
     module.load_state_dict(groups["module"])
     optimizer.load_state_dict(optimizer.state_dict() | {"state": moments})
     return TrainingState(**progress, best_parameters=groups["best"])
-
-
-def _digest(identity: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()

@@ -158,9 +158,9 @@ class Dataset:
         return Dataset(self.manifest, records, self.inputs[mask], self.forces[mask], self.run_index[mask])
 
 
-def hash_runs(runs: Iterable[Run]) -> str:
-    """Return the SHA-256 over records and samples, in the order given: independent of file format and workers."""
-    digest = hashlib.sha256()
+def hash_dataset(manifest: Manifest, runs: Iterable[Run]) -> str:
+    """Return the SHA-256 over recipe, records and samples, in order: independent of file format and workers."""
+    digest = hashlib.sha256(json.dumps(asdict(manifest) | {"content_hash": ""}, sort_keys=True).encode())
     for run in runs:
         digest.update(json.dumps(asdict(run.record), sort_keys=True).encode())
         digest.update(np.ascontiguousarray(run.inputs, dtype="<f8").tobytes())
@@ -228,7 +228,7 @@ def write_dataset(folder: Path, manifest: Manifest, runs: Sequence[Path]) -> Man
                 writer.close()
         os.replace(aside, folder / SAMPLES_NAME)
 
-    content_hash = hash_runs(written())
+    content_hash = hash_dataset(manifest, written())
     rows = [_flat(record) for record in digest_runs]
     aside = folder / (RUNS_NAME + ".part")
     parquet.write_table(pyarrow.Table.from_pylist(rows), aside)
@@ -251,11 +251,27 @@ def read_manifest(folder: Path) -> Manifest:
         raise ArtifactError(f"{folder} is not a dataset: it has no {MANIFEST_NAME} (make one: grouser data)")
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        manifest = Manifest(**content)
-    except (ValueError, TypeError) as error:
+        if content.get("format_version") != FORMAT_VERSION:
+            raise ArtifactError(
+                f"{path} has format {content.get('format_version')!r}, this version reads {FORMAT_VERSION}"
+            )
+        return parse_manifest(content)
+    except (ValueError, TypeError, AttributeError) as error:
+        if isinstance(error, ArtifactError):
+            raise
         raise ArtifactError(f"{path} is not a dataset manifest: {error}") from error
-    if manifest.format_version != FORMAT_VERSION:
-        raise ArtifactError(f"{path} has format {manifest.format_version}, this version reads {FORMAT_VERSION}")
+
+
+def parse_manifest(content: Mapping[str, Any]) -> Manifest:
+    """Build a manifest from JSON.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not one.
+    """
+    manifest = Manifest(**content)
+    interface(manifest.mode)
     return manifest
 
 
@@ -279,7 +295,7 @@ def load_dataset(folder: Path) -> Dataset:
         )
     groups = _read(lambda: [source.read_row_group(i) for i in range(source.num_row_groups)], folder / SAMPLES_NAME)
     runs = [_run_from_table(group, record, manifest.mode) for group, record in zip(groups, records, strict=True)]
-    found = hash_runs(runs)
+    found = hash_dataset(manifest, runs)
     if found != manifest.content_hash:
         raise ArtifactError(f"{folder}: content hash {found[:12]} does not match {manifest.content_hash[:12]}")
     return Dataset(

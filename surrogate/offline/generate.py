@@ -15,6 +15,7 @@ from ...envs.rollout import rollout
 from ...envs.simulator import Simulator
 from ...envs.tick import INTEGRATORS, Integrator
 from ...terrain import (
+    ArtifactError,
     ConfigurationError,
     ForceBackend,
     InvalidInputError,
@@ -30,6 +31,7 @@ from .dataset import (
     Run,
     RunRecord,
     load_dataset,
+    parse_manifest,
     read_manifest,
     write_dataset,
     write_json,
@@ -94,8 +96,8 @@ class DataConfig:
         for name in ("runs", "samples_per_run"):
             if getattr(self, name) < 1:
                 raise InvalidInputError(f"{name} must be at least 1, got {getattr(self, name)}")
-        if not self.transient >= 0 or not 0 < self.tick <= 1 or self.seed < 0:
-            raise InvalidInputError("transient and seed must not be negative, tick must lie in (0, 1] s")
+        if not 0 <= self.transient <= 1e6 or not 0 < self.tick <= 1 or self.seed < 0:
+            raise InvalidInputError("transient must lie in [0, 1e6] s, tick in (0, 1] s, and seed not be negative")
 
 
 def simulate_run(config: DataConfig, backend: ForceBackend, run: int) -> Run:
@@ -146,15 +148,18 @@ def generate_dataset(
     SimulationDivergedError
         If a run diverges; the others are kept.
     """
+    if workers < 1:
+        raise InvalidInputError(f"workers must be at least 1, got {workers}")
     backend = make_backend("physics", mode=config.mode, vehicle=config.vehicle)
     manifest = _plan(config, backend)
+    parts = folder / PARTS_NAME
     if (folder / MANIFEST_NAME).exists():
         existing = read_manifest(folder)
         if not existing.same_recipe(manifest):
             raise ConfigurationError(f"{folder} holds another dataset; choose a new folder or remove it")
         load_dataset(folder)
+        shutil.rmtree(parts, ignore_errors=True)
         return existing
-    parts = folder / PARTS_NAME
     _claim(parts, manifest)
     paths = [parts / f"run-{run:06d}.parquet" for run in range(config.runs)]
     missing = [run for run, path in enumerate(paths) if not path.exists()]
@@ -189,7 +194,11 @@ def _claim(parts: Path, manifest: Manifest) -> None:
     """Mark the folder as this dataset's, or see that it already is."""
     plan = parts / PLAN_NAME
     if plan.exists():
-        if not Manifest(**json.loads(plan.read_text(encoding="utf-8"))).same_recipe(manifest):
+        try:
+            claimed = parse_manifest(json.loads(plan.read_text(encoding="utf-8")))
+        except (ValueError, TypeError) as error:
+            raise ArtifactError(f"{plan} is not a dataset's plan; remove {parts} to start anew: {error}") from error
+        if not claimed.same_recipe(manifest):
             raise ConfigurationError(
                 f"{parts.parent} holds an unfinished dataset of another recipe; choose a new folder or remove it"
             )
@@ -204,8 +213,6 @@ def _one(config: DataConfig, backend: ForceBackend, run: int, path: Path) -> int
 
 
 def _in_parallel(config: DataConfig, backend: ForceBackend, jobs: list[tuple[int, Path]], workers: int) -> Any:
-    if workers < 1:
-        raise InvalidInputError(f"workers must be at least 1, got {workers}")
     if workers == 1 or len(jobs) < 2:
         return (_one(config, backend, run, path) for run, path in jobs)
     try:

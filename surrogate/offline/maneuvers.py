@@ -133,7 +133,7 @@ def _skid_reversal(generator: np.random.Generator, duration: float) -> tuple[dic
 
 def _pivot(generator: np.random.Generator, duration: float) -> tuple[dict[str, float], _Profile]:
     differential = _side(generator) * generator.uniform(0.03, 0.5)
-    creep = generator.uniform(-0.05, 0.05)
+    creep = 0.2 * differential * generator.uniform(-1.0, 1.0)
     period, swing_period = generator.uniform(4.0, 16.0), generator.uniform(1.5, 6.0)
     swing = generator.uniform(0.0, 0.5)
     excitation = {

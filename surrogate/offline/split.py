@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -47,23 +48,29 @@ def split_runs(
     Raises
     ------
     InvalidInputError
-        If the shares leave no training data, or a maneuver has fewer than three runs.
+        If there is no run, the shares leave no training data, or a maneuver has fewer than three runs.
     """
     if not (0 < validation < 1 and 0 < test < 1 and validation + test < 1):
         raise InvalidInputError(f"validation and test shares must be in (0, 1) and sum below 1: {validation}, {test}")
+    if not records:
+        raise InvalidInputError("there are no runs to split")
     generator = np.random.default_rng((seed, len(records)))
     sides: dict[str, list[int]] = {"train": [], "validation": [], "test": []}
+    due = {"test": 0.0, "validation": 0.0}
     for maneuver in sorted({record.maneuver for record in records}):
         runs = np.array(sorted(record.run for record in records if record.maneuver == maneuver))
         if len(runs) < 3:
             raise InvalidInputError(
                 f"maneuver {maneuver!r} has {len(runs)} runs; train, validation and test need one each"
             )
-        runs = generator.permutation(runs)
-        tests = max(1, round(test * len(runs)))
-        validations = max(1, round(validation * len(runs)))
-        tests, validations = min(tests, len(runs) - 2), min(validations, len(runs) - 1 - min(tests, len(runs) - 2))
-        sides["test"] += runs[:tests].tolist()
-        sides["validation"] += runs[tests : tests + validations].tolist()
-        sides["train"] += runs[tests + validations :].tolist()
+        rest = generator.permutation(runs).tolist()
+        for side, share in (("test", test), ("validation", validation)):
+            # What rounding keeps from one maneuver is owed to the next, so that the sides have their shares in all.
+            due[side] += share * len(runs)
+            spare = len(rest) - (2 if side == "test" else 1)
+            count = min(max(1, math.floor(due[side] + 0.5)), spare)
+            due[side] -= count
+            sides[side] += rest[:count]
+            rest = rest[count:]
+        sides["train"] += rest
     return RunSplit(**{name: tuple(sorted(side)) for name, side in sides.items()})

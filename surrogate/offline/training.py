@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -12,6 +13,7 @@ import numpy as np
 
 from ...terrain import (
     OUTPUT_NAMES,
+    ArtifactError,
     FloatArray,
     InvalidInputError,
     mirror_forces,
@@ -19,7 +21,7 @@ from ...terrain import (
     parameter_ranges,
     reverse_forces,
 )
-from ..artifact import Surrogate
+from ..artifact import SUFFIX, Surrogate
 from ..detector import BoxMahalanobisDetector
 from ..network import ACTIVATIONS, Activation, DenseNetwork, random_network, torch_module
 from ..normalizer import Normalizer
@@ -104,8 +106,12 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         positive = ("huber_delta", "learning_rate", "batch_size", "epochs", "patience", "plateau_patience")
         for name in positive:
-            if not getattr(self, name) > 0:
-                raise InvalidInputError(f"{name} must be positive, got {getattr(self, name)}")
+            if not 0 < getattr(self, name) < math.inf:
+                raise InvalidInputError(f"{name} must be positive and finite, got {getattr(self, name)}")
+        whole = ("batch_size", "epochs", "patience", "plateau_patience", "perturbed_copies", "seed")
+        for name, value in [*((name, getattr(self, name)) for name in whole), *(("hidden", w) for w in self.hidden)]:
+            if isinstance(value, bool) or not isinstance(value, int):
+                raise InvalidInputError(f"{name} must be a whole number, got {value!r}")
         if not self.hidden or any(width < 1 for width in self.hidden):
             raise InvalidInputError(f"hidden needs at least one positive width, got {self.hidden}")
         if not 0 < self.learning_rate_decay <= 1:
@@ -114,10 +120,18 @@ class TrainingConfig:
             raise InvalidInputError(f"perturbed_copies must not be negative, got {self.perturbed_copies}")
         if self.activation not in ACTIVATIONS:
             raise InvalidInputError(f"activation must be one of {', '.join(ACTIVATIONS)}, got {self.activation!r}")
-        if not 0 <= self.dropout < 1 or self.weight_decay < 0 or not 0 < self.plateau_factor < 1 or self.seed < 0:
+        if (
+            not 0 <= self.dropout < 1
+            or not 0 <= self.weight_decay < math.inf
+            or not 0 < self.plateau_factor < 1
+            or self.seed < 0
+        ):
             raise InvalidInputError("dropout in [0, 1), plateau_factor in (0, 1), weight_decay and seed not negative")
-        if len(self.output_weights) != 3 or any(weight < 0 for weight in self.output_weights):
-            raise InvalidInputError(f"output_weights are three numbers of at least 0, got {self.output_weights}")
+        finite = len(self.output_weights) == 3 and all(0 <= weight < math.inf for weight in self.output_weights)
+        if not finite or not any(self.output_weights):
+            raise InvalidInputError(
+                f"output_weights are three finite numbers of at least 0, not all 0; got {self.output_weights}"
+            )
 
 
 @dataclass(frozen=True)
@@ -180,10 +194,14 @@ def train_surrogate(
     Raises
     ------
     InvalidInputError
-        If a maneuver has too few runs to split.
+        If a maneuver has too few runs to split, or there is no thread.
     ArtifactError
-        If the checkpoint beside the artifact is of another training.
+        If the output's name does not end in ``.safetensors``, or the checkpoint beside it is of another training.
     """
+    if output.suffix != SUFFIX:
+        raise ArtifactError(f"an artifact's name ends in {SUFFIX}, got {output.name!r}")
+    if threads < 1:
+        raise InvalidInputError(f"threads must be at least 1, got {threads}")
     split = split_runs(dataset.records, seed=config.seed)
     train, validation, test = (dataset.select(side) for side in (split.train, split.validation, split.test))
     inputs, forces = _training_rows(train, config)

