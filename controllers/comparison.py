@@ -260,7 +260,7 @@ def _drive(
         if not isinstance(error.log, InterfaceLog) or not len(error.log):
             raise
         log = error.log
-    cross_track, last = _cross_track(path, log)
+    arc_length, cross_track = path.follow(log.states[:, :2])
     truth = backends[REFERENCE_BACKEND].forces(log.inputs)
     against = reference.log if reference else log
     ticks = round(control_period / simulator.tick)
@@ -274,7 +274,7 @@ def _drive(
         controller=controller,
         backend=name,
         seed=seed,
-        finished=bool(last >= path.length),
+        finished=bool(arc_length[-1] >= path.length),
         cross_track_rmse_m=float(np.sqrt(np.mean(cross_track**2))),
         corridor_violation_m=_violation(scenario, log),
         final_position_difference_m=float(np.hypot(*position)),
@@ -292,21 +292,12 @@ def _drive(
     return Drive(row, log)
 
 
-def _cross_track(path: Path, log: InterfaceLog) -> tuple[FloatArray, float]:
-    near, errors = 0.0, []
-    for x, y in log.states[:, :2]:
-        foot = path.project(float(x), float(y), near=near)
-        near = foot.arc_length
-        errors.append(foot.cross_track)
-    return np.array(errors), near
-
-
 def _violation(scenario: Scenario, log: InterfaceLog) -> float | None:
     if scenario.path.corridor is None:
         return None
     vehicle = scenario.vehicle
-    pose = (log.state(name) for name in ("x", "y", "heading"))
-    return float(scenario.path.corridor.violations(*pose, vehicle.contact_length, vehicle.overall_width).max())
+    x, y, heading = (log.state(name) for name in ("x", "y", "heading"))
+    return float(scenario.path.corridor.violations(x, y, heading, vehicle.contact_length, vehicle.overall_width).max())
 
 
 def _force_call_ns(backend: ForceBackend, inputs: FloatArray) -> float:

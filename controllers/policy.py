@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from ..envs.observation import belt_command, observe
+from ..envs.observation import Observation, belt_command, observe
 from ..envs.path import Path
 from ..envs.state import BeltCommand, VehicleState
 from ..envs.tracking_config import TrackingConfig, tracking_config
@@ -42,9 +42,10 @@ class TrackingPolicy:
     config: TrackingConfig
     recipe: Mapping[str, Any] = field(default_factory=dict)
 
-    def act(self, observation: FloatArray) -> FloatArray:
+    def act(self, observation: Observation) -> FloatArray:
         """Return the action in [-1, 1]², shape (2,), for an observation."""
-        return np.clip(self.network.forward(NUMPY_NETWORK, np.asarray(observation, dtype=np.float64)), -1.0, 1.0)
+        action: FloatArray = self.network.forward(NUMPY_NETWORK, observation.astype(np.float64))
+        return np.clip(action, -1.0, 1.0)
 
     def save(self, path: str | os.PathLike[str]) -> FilePath:
         """Write the policy as one sealed ``.safetensors`` file."""

@@ -40,7 +40,7 @@ def overlay_plot(scenario: Scenario, controller: str, drives: Sequence[Drive]) -
         log = drive.log
         time = log.state("time")
         axes[0].plot(log.state("x"), log.state("y"), label=name, **style)
-        axes[1].plot(time, cross_track_errors(scenario.path, log.states[:, :2]), **style)
+        axes[1].plot(time, scenario.path.follow(log.states[:, :2])[1], **style)
         for i, output in enumerate(OUTPUT_NAMES):
             axes[2 + i].plot(time[1:], log.forces[:, i] / 1000, **style)
             axes[2 + i].set_ylabel(_UNITS[output])
@@ -68,16 +68,6 @@ def overlay_plot(scenario: Scenario, controller: str, drives: Sequence[Drive]) -
         axis.grid(alpha=0.3)
         axis.sharex(axes[5])
     return _png(figure)
-
-
-def cross_track_errors(path: Path, positions: Any) -> list[float]:
-    """Return the cross-track error in m of positions (n, 2) that follow one another along a path."""
-    near, errors = 0.0, []
-    for x, y in positions:
-        foot = path.project(float(x), float(y), near=near)
-        near = foot.arc_length
-        errors.append(foot.cross_track)
-    return errors
 
 
 def report_page(

@@ -81,7 +81,8 @@ def observe(
         ranges = parameter_ranges("wide", ground.mode)
         low, high = np.array(ranges.low), np.array(ranges.high)
         parts.append(2 * (ground.parameters_at(state.x, state.y) - low) / (high - low) - 1)
-    return np.clip(np.concatenate(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND).astype(np.float32)
+    clipped = np.clip(np.concatenate(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND)
+    return np.asarray(clipped, dtype=np.float32)
 
 
 def belt_command(action: FloatArray, vehicle: TrackedVehicle, config: TrackingConfig) -> BeltCommand:

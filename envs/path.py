@@ -210,6 +210,16 @@ class Path:
                 s, heading = 0.0, heading - self._turn
         return Projection(s, cross, heading, curvature, foot_x, foot_y)
 
+    def follow(self, positions: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return arc lengths and cross-track errors in m, both (n,), of positions (n, 2) that follow one another."""
+        near, feet = 0.0, []
+        for x, y in np.asarray(positions, dtype=np.float64).tolist():
+            foot = self.project(x, y, near=near)
+            near = foot.arc_length
+            feet.append((near, foot.cross_track))
+        table = np.array(feet, dtype=np.float64).reshape(-1, 2)
+        return table[:, 0], table[:, 1]
+
     def point_at(self, arc_length: float) -> tuple[float, float]:
         """Return (x, y) in m at an arc length in m."""
         return self._at(arc_length)[:2]

@@ -26,7 +26,7 @@ TOLERANCE: Final = 1e-11
 # A force resolved to one part in 1/ε moves a body by up to about 10 m/s² · 10 ms · ε a tick; eight times that is
 # above the rounding of a network's sums, too.
 _TOLERANCE_PER_RESOLUTION: Final = 8.0
-_LINE_SEARCH_LIMIT: Final = 6
+_LINE_SEARCH_LIMIT: Final = 8
 _GAMMA: Final = 1.0 - 1.0 / math.sqrt(2.0)
 
 
@@ -129,18 +129,19 @@ def _divided_step(
     integrator: Integrator,
 ) -> BodyStep | None:
     row = row.copy()
+    solution: _Stage | None = None
     iterations = 0
     for _ in range(divisions):
         body: Body = (float(row[0]), float(row[1]), float(row[2]))
         if integrator == "sdirk2":
             solution = _sdirk2(vehicle, evaluate, row, body, part, tolerance)
         else:
-            solution = _solve_stage(vehicle, evaluate, row, body, body, part, tolerance)
+            solution = _solve_from_two_guesses(vehicle, evaluate, row, body, body, part, tolerance)
         if solution is None:
             return None
         iterations += solution.iterations
         row[:3] = solution.body
-    return BodyStep(solution.body, row, solution.forces, iterations, divisions)
+    return solution and BodyStep(solution.body, row, solution.forces, iterations, divisions)
 
 
 class _Stage(NamedTuple):
@@ -152,13 +153,31 @@ class _Stage(NamedTuple):
 def _sdirk2(
     vehicle: TrackedVehicle, evaluate: ForceFunction, row: FloatArray, body: Body, step: float, tolerance: float
 ) -> _Stage | None:
-    first = _solve_stage(vehicle, evaluate, row, body, body, _GAMMA * step, tolerance)
+    first = _solve_from_two_guesses(vehicle, evaluate, row, body, body, _GAMMA * step, tolerance)
     if first is None:
         return None
     rates = body_rates(vehicle, first.body, first.forces)
     anchor = _along(body, (1.0 - _GAMMA) * step, rates)
-    second = _solve_stage(vehicle, evaluate, row, anchor, first.body, _GAMMA * step, tolerance)
+    second = _solve_from_two_guesses(vehicle, evaluate, row, anchor, first.body, _GAMMA * step, tolerance)
     return second and second._replace(iterations=first.iterations + second.iterations)
+
+
+def _solve_from_two_guesses(
+    vehicle: TrackedVehicle,
+    evaluate: ForceFunction,
+    row: FloatArray,
+    anchor: Body,
+    guess: Body,
+    gain: float,
+    tolerance: float,
+) -> _Stage | None:
+    """Solve a stage from a guess, or from rolling without slip: where ground grips hard, the solution is near there."""
+    stage = _solve_stage(vehicle, evaluate, row, anchor, guess, gain, tolerance)
+    if stage is None:
+        left, right = row[5:7].tolist()
+        rolling = ((left + right) / 2, 0.0, (right - left) / vehicle.tread)
+        stage = _solve_stage(vehicle, evaluate, row, anchor, rolling, gain, tolerance)
+    return stage
 
 
 def _solve_stage(

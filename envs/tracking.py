@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Final, Literal
+from typing import Any, Final, Literal
 
 import gymnasium
 import numpy as np
@@ -117,7 +117,10 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     v0: first version.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as Gymnasium declares it
+        "render_modes": ["rgb_array", "human"],
+        "render_fps": 10,
+    }
 
     def __init__(
         self,
@@ -145,6 +148,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.reference_speed: Final = reference_speed(self.vehicle, self.config)
         self._slip_block = PhysicsBackend(self.vehicle, built.mode, cells=_SLIP_POWER_CELLS)
         self.render_mode = render_mode
+        self._draw_mode = render_mode
         self._renderer: Renderer | None = None
         self.metadata = self.metadata | {"render_fps": round(1 / self.config.control_period)}
         size = observation_size(built.mode, self.config)
@@ -222,13 +226,13 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         info = self._info(record) | {"reward_terms": terms, "progress": progress}
         return self._observation(), sum(terms.values()), terminated, truncated, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Show the vehicle from above: an image (height, width, 3), or a window."""
-        if self.render_mode is None:
+        if self._draw_mode is None:
             gymnasium.logger.warn("render() without a render_mode: pass render_mode='rgb_array' to gymnasium.make")
             return None
         if self._renderer is None:
-            self._renderer = Renderer(self.path, self.vehicle, self.render_mode, fps=self.metadata["render_fps"])
+            self._renderer = Renderer(self.path, self.vehicle, self._draw_mode, fps=self.metadata["render_fps"])
         return self._renderer.draw(self.simulator.get_state(), label=f"{self.simulator.backend.name}")
 
     def close(self) -> None:

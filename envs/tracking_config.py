@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Final, Literal, TypedDict
+from typing import Any, Final, Literal, TypedDict, cast
 
 from ..terrain import Terrain, unknown_name
 from ..terrain.parameters import require_in
@@ -141,4 +141,4 @@ def check_reset_options(options: Mapping[str, Any]) -> ResetOptions:
     for key in options:
         if key not in known:
             raise unknown_name("reset option", key, known)
-    return ResetOptions(**options)  # type: ignore[typeddict-item]
+    return cast(ResetOptions, dict(options))

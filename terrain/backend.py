@@ -114,4 +114,5 @@ class ForceBackend(ABC):
 
 def assemble(track_forces: FloatArray) -> FloatArray:
     """Sum track forces of shape (..., 2, 3) to the vehicle's [Qx, Qy, Mz], shape (..., 3)."""
-    return np.sum(track_forces, axis=-2)
+    total: FloatArray = np.sum(track_forces, axis=-2)
+    return total

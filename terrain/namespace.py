@@ -89,7 +89,10 @@ def torch_namespace() -> ArrayNamespace:
         sqrt = staticmethod(torch.sqrt)
         expm1 = staticmethod(torch.expm1)
         tan = staticmethod(torch.tan)
-        where = staticmethod(torch.where)
+
+        @staticmethod
+        def where(condition: Any, a: Any, b: Any) -> Any:
+            return torch.where(condition, a, b)
 
         @staticmethod
         def constant(values: FloatArray) -> Any:
@@ -129,11 +132,14 @@ def casadi_namespace() -> ArrayNamespace:
         raise missing_extra("casadi", "mpc") from error
 
     class _Casadi:
-        constant = staticmethod(casadi.DM)
         sqrt = staticmethod(casadi.sqrt)
         expm1 = staticmethod(casadi.expm1)
         tan = staticmethod(casadi.tan)
         where = staticmethod(casadi.if_else)
+
+        @staticmethod
+        def constant(values: FloatArray) -> Any:
+            return casadi.DM(values)
 
         @staticmethod
         def columns(x: Any) -> list[Any]:

@@ -87,7 +87,9 @@ class PhysicsBackend(CompiledBackend):
         """Return [Fx, Fy, M] of each track, shape (n, 2, 3); see :meth:`ForceBackend.track_forces`."""
         left, right = (np.atleast_2d(self.interface.check(x)) for x in (x_left, x_right))
         if left.shape != right.shape:
-            raise InvalidInputError(f"x_left and x_right must have equally many rows, got shapes {left.shape} and {right.shape}")
+            raise InvalidInputError(
+                f"x_left and x_right must have equally many rows, got shapes {left.shape} and {right.shape}"
+            )
         out = np.empty((left.shape[0], 2, 3))
         try:
             self._block.track_forces(left, right, out)

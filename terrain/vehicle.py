@@ -136,7 +136,7 @@ class TrackedVehicle:
     @property
     def element_centers(self) -> FloatArray:
         """x_i in m, from the CG, rearmost first, shape (n,)."""
-        index = np.arange(self.road_wheels)
+        index = np.arange(self.road_wheels, dtype=np.float64)
         return self.contact_center + (index - (self.road_wheels - 1) / 2) * self.element_length
 
     @property

@@ -85,7 +85,7 @@ def draw_maneuver(name: str, vehicle: TrackedVehicle, generator: np.random.Gener
     if name not in _DRAWS:
         raise unknown_name("maneuver", name, MANEUVERS)
     excitation, profile = _DRAWS[name](generator, duration)
-    known: ManeuverName = MANEUVERS[MANEUVERS.index(name)]  # type: ignore[arg-type]
+    known: ManeuverName = MANEUVERS[MANEUVERS.index(name)]
     return Maneuver(known, excitation, profile, vehicle.training_speed)
 
 

@@ -296,7 +296,7 @@ def _optimize(
         torch.manual_seed(np.random.SeedSequence((config.seed, state.epoch)).generate_state(1)[0].item())
         order = torch.randperm(len(x))
         total = 0.0
-        for batch in order.split(config.batch_size):
+        for batch in torch.split(order, config.batch_size):
             optimizer.zero_grad(set_to_none=True)
             loss = loss_of(x[batch], y[batch])
             loss.backward()

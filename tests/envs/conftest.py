@@ -55,7 +55,9 @@ class Poisoned(Viscous):
 
     name = "poisoned"
 
-    def __init__(self, *args: Any, output: int = 0, value: float = np.nan, below: float = np.inf, **kwargs: Any) -> None:
+    def __init__(
+        self, *args: Any, output: int = 0, value: float = np.nan, below: float = np.inf, **kwargs: Any
+    ) -> None:
         super().__init__(*args, **kwargs)
         self.output, self.value, self.below = output, value, below
 

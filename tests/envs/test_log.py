@@ -84,7 +84,7 @@ def test_the_forces_are_those_of_the_inputs_with_a_network(
     log = drive("rigid", backend)
     scale = np.abs(log.forces).max(axis=0)
     one_by_one = np.array([backend.forces(row) for row in log.inputs])
-    np.testing.assert_allclose(one_by_one / scale, log.forces / scale, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(one_by_one / scale, log.forces / scale, rtol=0, atol=5e-6)
 
 
 def test_the_forces_are_the_blend_that_a_guard_logged(
@@ -100,9 +100,17 @@ def test_the_forces_are_the_blend_that_a_guard_logged(
 
 
 @every_ground
-def test_the_forces_moved_the_vehicle(drive: Drive, mode: Mode) -> None:
-    """m(ΔVx/h − ω⁺Vy⁺) = Qx, m(ΔVy/h + ω⁺Vx⁺) = Qy, Iz Δω/h = Mz, to the solver's 1e-11 m/s."""
-    log, h = drive(mode), 0.01
+@pytest.mark.parametrize("name", ["physics", "native", "guarded"])
+def test_the_forces_moved_the_vehicle(
+    drive: Drive, make_surrogate: Callable[[Mode], Surrogate], mode: Mode, name: str
+) -> None:
+    """m(ΔVx/h − ω⁺Vy⁺) = Qx, m(ΔVy/h + ω⁺Vx⁺) = Qy, Iz Δω/h = Mz, to the solver's 1e-11 m/s.
+
+    A network in float32 does not resolve more than a few of its own roundings.
+    """
+    options = {} if name == "physics" else {"artifact": make_surrogate(mode)}
+    log, h = drive(mode, make_backend(name, mode=mode, **options)), 0.01
+    tolerance = 1e-11 if name == "physics" else 1e-6
     whole = log.divisions == 1
     assert whole.mean() > 0.99
     vx, vy, yaw_rate = (log.state(name) for name in ("vx", "vy", "yaw_rate"))
@@ -113,7 +121,7 @@ def test_the_forces_moved_the_vehicle(drive: Drive, mode: Mode) -> None:
             np.diff(yaw_rate) / h - log.forces[:, 2] / M113.yaw_inertia,
         ]
     )
-    assert np.abs(residual[whole]).sum(axis=1).max() <= 1.01e-11 / h
+    assert np.abs(residual[whole]).sum(axis=1).max() <= 1.01 * tolerance / h
 
 
 @every_ground

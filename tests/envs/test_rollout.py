@@ -39,9 +39,7 @@ class TestControlPeriod:
         rollout(simulator, driver, 0.5)
         assert len(driver.asked) == 5
 
-    def test_the_driver_sees_the_whole_state_at_each_control_instant(
-        self, simulator: Simulator, scripted: Any
-    ) -> None:
+    def test_the_driver_sees_the_whole_state_at_each_control_instant(self, simulator: Simulator, scripted: Any) -> None:
         driver = scripted(sweep)
         log = rollout(simulator, driver, 0.5)
         for index, state in enumerate(driver.asked):
@@ -152,9 +150,7 @@ class TestRefusals:
         rollout(simulator, scripted(sweep), duration, until=lambda _: True)
 
     @pytest.mark.parametrize("command", [(19.0, 0.0), (0.0, math.nan)])
-    def test_a_command_out_of_reach(
-        self, simulator: Simulator, scripted: Any, command: tuple[float, float]
-    ) -> None:
+    def test_a_command_out_of_reach(self, simulator: Simulator, scripted: Any, command: tuple[float, float]) -> None:
         with pytest.raises(InvalidInputError, match="belt command"):
             rollout(simulator, scripted(lambda _: command), 1.0)
 

@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grouser.envs import INTEGRATORS, BeltCommand, Integrator, Simulator, TickRecord, VehicleState, advance_belts, rollout
+from grouser.envs import (
+    INTEGRATORS,
+    BeltCommand,
+    Integrator,
+    Simulator,
+    TickRecord,
+    VehicleState,
+    advance_belts,
+    rollout,
+)
 from grouser.surrogate import Surrogate
 from grouser.terrain import (
     ConfigurationError,
@@ -23,6 +32,7 @@ from grouser.terrain import (
     Mode,
     PhysicsBackend,
     RigidTerrain,
+    SimulationDivergedError,
     SoilTerrain,
     SteppedTerrain,
     SwitchingPolicy,
@@ -30,6 +40,8 @@ from grouser.terrain import (
     TrackedVehicle,
     make_backend,
     named,
+    parameter_ranges,
+    terrain_names,
 )
 
 Make = Callable[..., ForceBackend]
@@ -135,6 +147,37 @@ def test_a_straight_run_has_no_moment_and_no_sideways_motion(terrain: Terrain) -
     assert state.vy == 0.0
     assert (state.y, state.heading) == pytest.approx((0.0, 0.0), abs=1e-12)
     assert state.vx == pytest.approx(-2.0, abs=0.05)
+
+
+def start_turn_and_stop(vehicle: str, terrain: Terrain) -> VehicleState:
+    simulator = Simulator(vehicle, "physics", terrain)
+    top = simulator.vehicle.training_speed
+    for left, right, ticks in ((0.6, 0.6, 80), (0.1, 0.7, 80), (-0.4, 0.4, 80), (0.0, 0.0, 160)):
+        for _ in range(ticks):
+            record = simulator.step(BeltCommand(left * top, right * top))
+    return record.state
+
+
+class TestEveryGround:
+    """The tick is solved wherever data are generated and a ground has a name."""
+
+    @pytest.mark.parametrize("vehicle", ["m113", "marder", "ugv", "maxxii"])
+    @pytest.mark.parametrize("ground", terrain_names())
+    def test_with_a_name(self, vehicle: str, ground: str) -> None:
+        state = start_turn_and_stop(vehicle, named(ground))
+        assert max(abs(state.vx), abs(state.vy)) < TrackedVehicle.preset(vehicle).training_speed
+
+    @pytest.mark.parametrize("vehicle", ["m113", "marder", "ugv", "maxxii"])
+    @pytest.mark.parametrize("mode", ["rigid", "soil"])
+    def test_of_the_wide_ranges(self, vehicle: str, mode: Mode) -> None:
+        generator, diverged = np.random.default_rng(3), []
+        for _ in range(12):
+            terrain = parameter_ranges("wide", mode).sample(generator)
+            try:
+                start_turn_and_stop(vehicle, terrain)
+            except SimulationDivergedError:
+                diverged.append(terrain)
+        assert diverged == []
 
 
 class TestPose:
@@ -414,9 +457,9 @@ class TestGuard:
         simulator = self.simulator(self.guarded(viscous), 0.8, 0.2, 0.8, 0.8, 0.8)
         log = rollout(simulator, scripted(lambda _: (10.0, 10.0)), 0.4, control_period=0.02)
         assert log.ood_score.tolist() == [0.5] * 10 + [2.0] * 10 + [0.5] * 20
-        assert log.fallback_weight.tolist() == [0.0] * 11 + [0.25, 0.5, 0.75] + [1.0] * 10 + [0.75, 0.5, 0.25] + [
-            0.0
-        ] * 13
+        assert (
+            log.fallback_weight.tolist() == [0.0] * 11 + [0.25, 0.5, 0.75] + [1.0] * 10 + [0.75, 0.5, 0.25] + [0.0] * 13
+        )
         assert log.switches == 2
         assert log.fallback_rate == 16 / 40
 
