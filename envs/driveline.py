@@ -58,7 +58,7 @@ def advance_belts(
 
 
 def check_command(vehicle: TrackedVehicle, command: BeltCommand) -> BeltCommand:
-    """Return the command, once it is seen to be two finite speeds that the drive can reach.
+    """Return the command as plain floats, once it is seen to be two finite speeds that the drive can reach.
 
     Raises
     ------
@@ -66,8 +66,13 @@ def check_command(vehicle: TrackedVehicle, command: BeltCommand) -> BeltCommand:
         If it is not.
     """
     limit = vehicle.maximum_speed
-    if len(command) != 2 or not all(-limit <= speed <= limit for speed in command):
+    try:
+        left, right = map(float, command)
+        reachable = abs(left) <= limit and abs(right) <= limit
+    except (TypeError, ValueError):
+        reachable = False
+    if not reachable:
         raise InvalidInputError(
-            f"a belt command is two speeds in [{-limit:g}, {limit:g}] m/s ({vehicle.name}), got {tuple(command)}"
+            f"a belt command is two speeds in [{-limit:g}, {limit:g}] m/s ({vehicle.name}), got {command!r}"
         )
-    return command
+    return BeltCommand(left, right)

@@ -144,7 +144,7 @@ class Simulator:
         SimulationDivergedError
             If no tick down to a sixteenth was solved; the state stays as it was.
         """
-        check_command(self.vehicle, command)
+        command = check_command(self.vehicle, command)
         start = self._state
         belts = advance_belts(self.vehicle, (start.v_left, start.v_right), command, self.tick)
         row = self._row(start, command)

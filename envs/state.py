@@ -62,11 +62,12 @@ class VehicleState:
     guard: GuardState = _FRESH_GUARD
 
     def __post_init__(self) -> None:
-        for field in fields(self)[:11]:
-            if not math.isfinite(getattr(self, field.name)):
-                raise InvalidInputError(
-                    f"vehicle state: {field.name} must be finite, got {getattr(self, field.name)!r}"
-                )
+        # One sum, since a state is made every tick: it is finite only where every number is.
+        motion = self.x + self.y + self.heading + self.vx + self.vy + self.yaw_rate
+        if not math.isfinite(motion + self.v_left + self.v_right + self.ax + self.ay + self.time):
+            numbers = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "guard"}
+            bad = ", ".join(f"{name} = {value!r}" for name, value in numbers.items() if not math.isfinite(value))
+            raise InvalidInputError(f"the numbers of a vehicle state must be finite: {bad or numbers}")
 
     @classmethod
     def rolling(cls, speed: float, *, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> VehicleState:

@@ -47,7 +47,7 @@ class Viscous(ForceBackend):
         return self.interface.check(x) @ self.matrix.T
 
     def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return self.forces(x), np.where(self.matrix == 0.0, 0.0, self.jacobian_scale * self.matrix)
+        return self.forces(x), self.matrix * np.where(self.matrix == 0.0, 1.0, self.jacobian_scale)
 
 
 class Poisoned(Viscous):
@@ -185,4 +185,8 @@ def _surrogate(mode: Mode, vehicle_name: str) -> Surrogate:
 @pytest.fixture
 def make_surrogate() -> Callable[[Mode], Surrogate]:
     """A surrogate of the M113 in a mode, random but for its linear last layer; always the same one."""
-    return lambda mode="rigid": _surrogate(mode, "m113")
+
+    def make(mode: Mode = "rigid") -> Surrogate:
+        return _surrogate(mode, "m113")
+
+    return make

@@ -275,7 +275,8 @@ class TestBelts:
 class TestDeterminism:
     @staticmethod
     def backend_of(name: str, mode: Mode, surrogate: Surrogate) -> ForceBackend:
-        return make_backend(name, mode=mode, **({} if name == "physics" else {"artifact": surrogate}))
+        options: dict[str, Any] = {} if name == "physics" else {"artifact": surrogate}
+        return make_backend(name, mode=mode, **options)
 
     @pytest.mark.parametrize("mode", ["rigid", "soil"])
     @pytest.mark.parametrize("backend", ["physics", "native", "torch", "guarded"])
@@ -544,8 +545,8 @@ class TestRefusals:
 
     @pytest.mark.parametrize("name", ["x", "heading", "vx", "yaw_rate", "v_left", "ax", "time"])
     @pytest.mark.parametrize("value", [math.nan, math.inf])
-    def test_a_state_that_is_not_finite(self, name: str, value: float) -> None:
-        with pytest.raises(InvalidInputError, match=f"{name} must be finite"):
+    def test_a_state_that_is_not_finite(self, name: str, value: Any) -> None:
+        with pytest.raises(InvalidInputError, match=rf"{name} must be finite|must be finite: {name} = "):
             VehicleState(**{name: value})
 
 

@@ -85,7 +85,8 @@ def test_order_of_convergence(terrain: Terrain, integrator: Integrator, order: i
 
     def rates(_: float, y: FloatArray) -> FloatArray:
         q = backend.forces(np.array([*y, 0.0, 0.0, *belts, *terrain.parameters])) / scale
-        return q + np.array([y[2] * y[1], -y[2] * y[0], 0.0])
+        total: FloatArray = q + np.array([y[2] * y[1], -y[2] * y[0], 0.0])
+        return total
 
     exact = solve_ivp(rates, (0.0, duration), body, method="Radau", rtol=1e-10, atol=1e-12).y[:, -1]
     errors = []
@@ -203,9 +204,8 @@ class TestForcesThatAreNotFinite:
         start = VehicleState(vx=2.0)
         simulator = Simulator(M113, poisoned(rate=10.0, below=1.9999), GROUND, state=start)
         with pytest.raises(SimulationDivergedError):
-            for _ in range(3):
-                simulator.step(IDLE)
-        assert simulator.get_state().vx >= 1.9999
+            simulator.step(IDLE)
+        assert simulator.get_state() == start
 
     def test_the_simulator_goes_on_after_a_divergence(self, poisoned: Make) -> None:
         simulator = Simulator(M113, poisoned(below=1.0), GROUND, state=VehicleState(vx=0.5))

@@ -575,7 +575,9 @@ class TestEnds:
         env = PathTrackingEnv(viscous(vehicle, rate=50.0, follow_belts=True), vehicle, path=path, action_mode="twist")
         observation, _ = env.reset(options={"arc_length": 9.0, "lateral_offset": 0.0, "heading_offset": 0.0})
         lap = 2 * math.pi * radius
-        for step in range(1, 400):
+        steps = 0
+        for _ in range(400):
+            steps += 1
             wanted = 1.0 / radius - 2.0 * 5.0 * float(observation[5]) - 2.0 * math.pi * float(observation[6])
             observation, _, terminated, truncated, info = env.step(act(0.9, min(max(0.9 * wanted, -1.0), 1.0)))
             assert not truncated
@@ -583,7 +585,7 @@ class TestEnds:
             assert terminated == (info["progress"] >= lap - 1e-3)
             if terminated:
                 break
-        assert 100 < step < 200
+        assert 100 < steps < 200
 
     def test_is_truncated_at_forty_seconds(self, viscous: Callable[..., ForceBackend]) -> None:
         env = PathTrackingEnv(viscous(follow_belts=True), path="straight", control_period=0.5, tick=0.1)
