@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from ..envs import Path
-from ..terrain import OUTPUT_NAMES, missing_extra
+from ..terrain import OUTPUT_NAMES, SteppedTerrain, missing_extra
 from .comparison import TIME_FIELDS, Drive, Scenario
 
 # Okabe-Ito: told apart by the colour-blind, and in grey.
@@ -61,7 +61,9 @@ def overlay_plot(scenario: Scenario, controller: str, drives: Sequence[Drive]) -
             axes[5].set_yscale("log")
             axes[5].legend(loc="upper right", fontsize=8, ncols=2)
     axes[0].set(title=f"{scenario.name}: {controller} on {scenario.terrain}", xlabel="x (m)", ylabel="y (m)")
-    axes[0].legend(loc="upper right", ncols=len(drives), fontsize=8)
+    if isinstance(scenario.ground, SteppedTerrain):
+        axes[0].axvline(scenario.ground.boundary, color="0.4", linewidth=1.0, linestyle=":", label="ground changes")
+    axes[0].legend(loc="upper right", ncols=len(drives) + 2, fontsize=8)
     axes[1].set_ylabel("cross-track (m)")
     axes[5].set(ylabel="OOD score", xlabel="time (s)")
     for axis in axes[1:]:

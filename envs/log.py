@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..terrain import FloatArray, Interface, Mode, interface
+from ..terrain import FloatArray, Interface, Mode, interface, unknown_name
 from .simulator import Simulator, TickRecord
 from .state import BeltCommand, VehicleState
 
@@ -66,7 +66,15 @@ class InterfaceLog:
         return len(self.inputs)
 
     def state(self, name: str) -> FloatArray:
-        """Return one column of the states, shape (n + 1,)."""
+        """Return one column of the states, shape (n + 1,).
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such column.
+        """
+        if name not in STATE_NAMES:
+            raise unknown_name("state column", name, STATE_NAMES)
         return self.states[:, STATE_NAMES.index(name)]
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from ..terrain import InvalidInputError, SimulationDivergedError
@@ -25,7 +26,8 @@ def whole_ratio(larger: float, smaller: float, names: str) -> int:
     InvalidInputError
         If it is not.
     """
-    ratio = round(larger / smaller) if smaller > 0 else 0
+    usable = 0 < smaller < math.inf and 0 < larger < math.inf
+    ratio = round(larger / smaller) if usable else 0
     if ratio < 1 or abs(larger - ratio * smaller) > 1e-9 * smaller:
         raise InvalidInputError(f"{names} must divide without remainder, got {larger:g} s and {smaller:g} s")
     return ratio

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ..terrain import (
+    BlendedForces,
     ConfigurationError,
     Detection,
     FloatArray,
@@ -150,6 +151,11 @@ class Simulator:
         row = self._row(start, command)
         guard, detection, evaluate = self._guarded(start.guard, row)
         step = self._solve(row, evaluate)
+        if isinstance(evaluate, BlendedForces) and evaluate.primary_failed:
+            # The mode is frozen within a tick: the whole of it goes to the fallback.
+            failure = Detection(math.inf, "finite", "primary output")
+            guard, detection, evaluate = self._guarded(start.guard, row, failure)
+            step = self._solve(row, evaluate)
         if step is None or not all(math.isfinite(value) for value in step.body):
             raise SimulationDivergedError(
                 f"no tick from {self.tick:g} s down to a sixteenth was solved at t = {start.time:.3f} s "
@@ -167,15 +173,16 @@ class Simulator:
         theta = self._ground.parameters_at(start.x, start.y)
         return np.array([start.vx, start.vy, start.yaw_rate, start.ax, start.ay, *belts, *theta])
 
-    def _guarded(self, guard: GuardState, row: FloatArray) -> tuple[GuardState, Detection | None, ForceFunction]:
-        """Advance the guard and freeze its mode for the tick."""
+    def _guarded(
+        self, guard: GuardState, row: FloatArray, detection: Detection | None = None
+    ) -> tuple[GuardState, Detection | None, ForceFunction]:
+        """Advance the guard, by a detection that is known or the detector's, and freeze its mode for the tick."""
         backend = self.backend
         if not isinstance(backend, GuardedBackend):
             return guard, None, backend.forces_and_jacobian
-        detection = backend.detector.detect(row)
+        detection = detection or backend.detector.detect(row)
         advanced = backend.policy.advance(guard, detection, self.tick)
-        weight = advanced.fallback_weight
-        return advanced, detection, lambda x: backend.blended_forces_and_jacobian(x, weight)
+        return advanced, detection, BlendedForces(backend, advanced.fallback_weight)
 
     def _solve(self, row: FloatArray, evaluate: ForceFunction) -> BodyStep | None:
         if self.integrator == "euler":

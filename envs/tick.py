@@ -199,7 +199,7 @@ def _solve_stage(
         size = _size(residual)
         if size <= tolerance:
             return _Stage(body, forces, iteration)
-        if iteration == NEWTON_LIMIT:
+        if iteration == NEWTON_LIMIT or not math.isfinite(size):
             return None
         direction = _newton_direction(vehicle, body, jacobian, residual, gain)
         if direction is None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Final, Literal, TypedDict, cast
 
-from ..terrain import Terrain, unknown_name
+from ..terrain import InvalidInputError, Terrain, resolve_terrain, unknown_name
 from ..terrain.parameters import require_in
 from .state import VehicleState
+from .tick import INTEGRATORS, Integrator
 
 ActionMode = Literal["belts", "twist"]
 ACTION_MODES: Final[tuple[ActionMode, ...]] = ("belts", "twist")
@@ -20,7 +22,7 @@ class ResetOptions(TypedDict, total=False):
     Attributes
     ----------
     state : VehicleState
-        The whole initial state; the others then do not matter.
+        The whole initial state, its time set to 0; of the others only the terrain then matters.
     arc_length : float
         Where on the path to start, in m.
     lateral_offset : float
@@ -79,13 +81,13 @@ class TrackingConfig:
     InvalidInputError
         If a number is impossible.
     ConfigurationError
-        If the action mode is unknown.
+        If the action mode or the integrator is unknown.
     """
 
     action_mode: ActionMode = "belts"
     control_period: float = 0.1
     tick: float = 0.01
-    integrator: Literal["implicit", "sdirk2", "euler"] = "implicit"
+    integrator: Integrator = "implicit"
     reference_speed: float | None = None
     yaw_rate_scale: float = 1.0
     observe_terrain: bool = False
@@ -103,6 +105,11 @@ class TrackingConfig:
     def __post_init__(self) -> None:
         if self.action_mode not in ACTION_MODES:
             raise unknown_name("action mode", self.action_mode, ACTION_MODES)
+        if self.integrator not in INTEGRATORS:
+            raise unknown_name("integrator", self.integrator, INTEGRATORS)
+        for name in ("observe_terrain", "random_start"):
+            if not isinstance(getattr(self, name), bool):
+                raise InvalidInputError(f"{name} must be True or False, got {getattr(self, name)!r}")
         for name in ("control_period", "tick", "yaw_rate_scale", "maximum_cross_track", "time_limit"):
             require_in(name, getattr(self, name), 0.0, 1e4, low_open=True)
         if self.reference_speed is not None:
@@ -130,15 +137,30 @@ def tracking_config(settings: Mapping[str, Any]) -> TrackingConfig:
 
 
 def check_reset_options(options: Mapping[str, Any]) -> ResetOptions:
-    """Return the options, once every key is seen to be one.
+    """Return the options, once every key is seen to be one and every value to be of its kind.
 
     Raises
     ------
     ConfigurationError
-        If a key is unknown.
+        If a key is unknown, or the terrain's name is.
+    InvalidInputError
+        If a number is not finite or a value is of another kind.
     """
-    known = ResetOptions.__annotations__
-    for key in options:
-        if key not in known:
-            raise unknown_name("reset option", key, known)
-    return cast(ResetOptions, dict(options))
+    checked: dict[str, Any] = {}
+    for key, value in options.items():
+        if key not in ResetOptions.__annotations__:
+            raise unknown_name("reset option", key, ResetOptions.__annotations__)
+        if key == "terrain":
+            checked[key] = resolve_terrain(value)
+        elif key == "state":
+            if not isinstance(value, VehicleState):
+                raise InvalidInputError(f"the reset option state takes a VehicleState, got {value!r}")
+            checked[key] = value
+        else:
+            try:
+                checked[key] = float(value)
+            except (TypeError, ValueError):
+                checked[key] = math.nan
+            if not math.isfinite(checked[key]):
+                raise InvalidInputError(f"the reset option {key} takes a finite number, got {value!r}")
+    return cast(ResetOptions, checked)

@@ -13,7 +13,7 @@ from .errors import (
     unknown_name,
 )
 from .ground import Ground, SteppedTerrain
-from .guard import Detection, Detector, GuardedBackend, GuardMode, GuardState, SwitchingPolicy
+from .guard import BlendedForces, Detection, Detector, GuardedBackend, GuardMode, GuardState, SwitchingPolicy
 from .interface import (
     MODES,
     MOTION_NAMES,
@@ -61,6 +61,7 @@ __all__ = [
     "SOIL",
     "ArrayNamespace",
     "ArtifactError",
+    "BlendedForces",
     "Column",
     "CompiledBackend",
     "ConfigurationError",

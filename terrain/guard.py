@@ -219,21 +219,42 @@ class GuardedBackend(ForceBackend):
         fallback_weight : float
             w in [0, 1].
         """
-        if fallback_weight <= 0.0:
-            primary = self.primary.forces_and_jacobian(x)
-            return primary if _finite(primary) else self.fallback.forces_and_jacobian(x)
-        fallback = self.fallback.forces_and_jacobian(x)
-        if fallback_weight >= 1.0:
-            return fallback
-        primary = self.primary.forces_and_jacobian(x)
-        if not _finite(primary):
-            return fallback
-        w = fallback_weight
-        return (1 - w) * primary[0] + w * fallback[0], (1 - w) * primary[1] + w * fallback[1]
+        return BlendedForces(self, fallback_weight)(x)
 
     def describe(self) -> dict[str, Any]:
         """Return the guard's own description with those of its parts."""
         return super().describe() | {"primary": self.primary.describe(), "fallback": self.fallback.describe()}
+
+
+class BlendedForces:
+    """Forces and Jacobian of a guarded backend at one weight, and whether its primary failed on the way.
+
+    Parameters
+    ----------
+    backend : GuardedBackend
+        Primary and fallback.
+    fallback_weight : float
+        w in [0, 1] of (1 − w)·primary + w·fallback.
+    """
+
+    def __init__(self, backend: GuardedBackend, fallback_weight: float) -> None:
+        self._backend = backend
+        self._weight = fallback_weight
+        self.primary_failed = False
+
+    def __call__(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Evaluate one interface row; a primary output that is not finite is noted and left out."""
+        w, backend = self._weight, self._backend
+        if w >= 1.0:
+            return backend.fallback.forces_and_jacobian(x)
+        primary = backend.primary.forces_and_jacobian(x)
+        if not _finite(primary):
+            self.primary_failed = True
+            return backend.fallback.forces_and_jacobian(x)
+        if w <= 0.0:
+            return primary
+        fallback = backend.fallback.forces_and_jacobian(x)
+        return (1 - w) * primary[0] + w * fallback[0], (1 - w) * primary[1] + w * fallback[1]
 
 
 def _finite(forces_and_jacobian: tuple[FloatArray, FloatArray]) -> bool:

@@ -52,5 +52,11 @@ def named(name: str) -> Terrain:
 
 
 def resolve_terrain(terrain: str | Terrain) -> Terrain:
-    """Return a terrain given by name or as itself."""
-    return named(terrain) if isinstance(terrain, str) else terrain
+    """Return a terrain given by name or as itself.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is neither.
+    """
+    return terrain if isinstance(terrain, RigidTerrain | SoilTerrain) else named(terrain)

@@ -33,8 +33,9 @@ def drive(mpc, ground="asphalt", duration=30.0, start=None):
 
 
 def violation(log, spare):
-    pose = (log.state(name) for name in ("x", "y", "heading"))
-    return PATH.corridor.violations(*pose, M113.contact_length, M113.overall_width + 2 * spare).max()
+    assert PATH.corridor is not None
+    x, y, heading = (log.state(name) for name in ("x", "y", "heading"))
+    return PATH.corridor.violations(x, y, heading, M113.contact_length, M113.overall_width + 2 * spare).max()
 
 
 class Failing:

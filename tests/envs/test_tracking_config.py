@@ -8,7 +8,7 @@ import pytest
 
 from grouser.envs import PathTrackingEnv, TrackingConfig
 from grouser.envs.tracking_config import check_reset_options, tracking_config
-from grouser.terrain import ConfigurationError, InvalidInputError
+from grouser.terrain import ConfigurationError, InvalidInputError, named
 
 
 def test_defaults_of_the_design() -> None:
@@ -99,7 +99,7 @@ def test_an_unknown_integrator_names_the_nearest() -> None:
 
 def test_reset_options_are_passed_on() -> None:
     options = {"arc_length": 1.0, "speed": 2.0, "terrain": "ice"}
-    assert check_reset_options(options) == options
+    assert check_reset_options(options) == options | {"terrain": named("ice")}
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,101 @@
+"""Who drives and who gives the force, from what was typed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Final
+
+from ..envs import Driver, Path
+from ..terrain import ConfigurationError, Ground, TrackedVehicle, unknown_name
+
+if TYPE_CHECKING:
+    from ..controllers import TrackingPolicy
+    from ..surrogate import Surrogate
+
+CONTROLLERS: Final = ("mpc", "pure-pursuit")
+_POLICY_SUFFIX: Final = ".safetensors"
+
+
+def driver_factory(
+    controller: str, path: Path, vehicle: TrackedVehicle, ground: Ground, speed: float
+) -> tuple[str, Callable[[], Driver]]:
+    """Return a controller's short name and what makes a fresh one.
+
+    Parameters
+    ----------
+    controller : str
+        One of :data:`CONTROLLERS`, or the file of a policy.
+    path : Path
+        To drive along.
+    vehicle : TrackedVehicle
+        To drive.
+    ground : Ground
+        Both controllers are told its slip parameters.
+    speed : float
+        Reference speed in m/s.
+
+    Raises
+    ------
+    ConfigurationError
+        If the controller is unknown, or the policy is for another vehicle or ground.
+    """
+    from ..controllers import MPCConfig, PathTrackingMPC, PolicyDriver, PurePursuit, identify_slip
+
+    if controller.endswith(_POLICY_SUFFIX):
+        policy = load_policy(FilePath(controller), vehicle, ground)
+        return FilePath(controller).stem, lambda: PolicyDriver(policy, path, ground)
+    if controller not in CONTROLLERS:
+        raise unknown_name("controller", controller, (*CONTROLLERS, f"POLICY{_POLICY_SUFFIX}"))
+    slip = identify_slip(vehicle, ground, speed=speed)
+    if controller == "mpc":
+        return controller, lambda: PathTrackingMPC(path, vehicle, slip, MPCConfig(speed=speed))
+    return controller, lambda: PurePursuit(path, vehicle, speed, slip=slip)
+
+
+def load_policy(file: FilePath, vehicle: TrackedVehicle, ground: Ground) -> TrackingPolicy:
+    """Load a policy and see that it can drive this vehicle on this ground.
+
+    Raises
+    ------
+    ConfigurationError
+        If it cannot.
+    """
+    from ..controllers import TrackingPolicy
+    from ..envs.observation import observation_size
+
+    policy = TrackingPolicy.load(file)
+    if policy.vehicle != vehicle:
+        raise ConfigurationError(f"{file} drives {policy.vehicle.name}, asked for {vehicle.name}: pass --vehicle")
+    expected, got = policy.network.widths[0], observation_size(ground.mode, policy.config)
+    if expected != got:
+        raise ConfigurationError(
+            f"{file} observes the terrain and was trained on another mode than {ground.mode}: "
+            f"it takes {expected} numbers, this ground gives {got}; pass --terrain"
+        )
+    return policy
+
+
+def fitting_artifact(artifacts: Sequence[FilePath], mode: str) -> Surrogate | None:
+    """Return the artifact of a mode; the first where none fits, for the backend to refuse; None for the shipped one."""
+    from ..surrogate import Surrogate
+
+    loaded = [Surrogate.load(file) for file in artifacts]
+    return next((surrogate for surrogate in loaded if surrogate.mode == mode), loaded[0] if loaded else None)
+
+
+@contextmanager
+def one_torch_thread() -> Iterator[None]:
+    """Keep torch, where it is installed, from spreading one row's evaluation over cores, which is slower."""
+    try:
+        import torch
+    except ImportError:
+        yield
+        return
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
