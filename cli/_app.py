@@ -44,12 +44,18 @@ class _OneLineErrors(TyperGroup):
                 raise
             if ctx.params["debug"]:
                 err.print_exception()
-            err.print(Text(f"error: {' '.join(str(error).split())}", style="bold red"), soft_wrap=True)
+            err.print(Text(f"error: {_one_line(error)}", style="bold red"), soft_wrap=True)
             raise typer.Exit(_REFUSED) from error
         except KeyboardInterrupt:
             kept = _KEPT.get(ctx.invoked_subcommand, "nothing was kept; call it again to start anew")
             err.print(f"interrupted: {kept}", style="yellow", soft_wrap=True)
             raise typer.Exit(_INTERRUPTED) from None
+
+
+def _one_line(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    return " ".join(str(error).split())
 
 
 app = typer.Typer(

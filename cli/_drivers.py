@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Final
 
 from ..envs import Driver, Path
-from ..terrain import ConfigurationError, Ground, TrackedVehicle, unknown_name
+from ..terrain import ConfigurationError, Ground, TrackedVehicle, missing_extra, unknown_name
 
 if TYPE_CHECKING:
     from ..controllers import TrackingPolicy
@@ -44,7 +44,11 @@ def driver_factory(
     from ..controllers import MPCConfig, PathTrackingMPC, PolicyDriver, PurePursuit, identify_slip
 
     if controller.endswith(_POLICY_SUFFIX):
-        policy = load_policy(FilePath(controller), vehicle, ground)
+        policy = load_policy(FilePath(controller), ground)
+        if policy.vehicle != vehicle:
+            raise ConfigurationError(
+                f"{controller} drives {policy.vehicle.name}, asked for {vehicle.name}: pass --vehicle"
+            )
         return FilePath(controller).stem, lambda: PolicyDriver(policy, path, ground)
     if controller not in CONTROLLERS:
         raise unknown_name("controller", controller, (*CONTROLLERS, f"POLICY{_POLICY_SUFFIX}"))
@@ -54,20 +58,18 @@ def driver_factory(
     return controller, lambda: PurePursuit(path, vehicle, speed, slip=slip)
 
 
-def load_policy(file: FilePath, vehicle: TrackedVehicle, ground: Ground) -> TrackingPolicy:
-    """Load a policy and see that it can drive this vehicle on this ground.
+def load_policy(file: FilePath, ground: Ground) -> TrackingPolicy:
+    """Load a policy and see that it understands this ground.
 
     Raises
     ------
     ConfigurationError
-        If it cannot.
+        If it observes terrain parameters of the other mode.
     """
     from ..controllers import TrackingPolicy
     from ..envs.observation import observation_size
 
     policy = TrackingPolicy.load(file)
-    if policy.vehicle != vehicle:
-        raise ConfigurationError(f"{file} drives {policy.vehicle.name}, asked for {vehicle.name}: pass --vehicle")
     expected, got = policy.network.widths[0], observation_size(ground.mode, policy.config)
     if expected != got:
         raise ConfigurationError(
@@ -86,13 +88,15 @@ def fitting_artifact(artifacts: Sequence[FilePath], mode: str) -> Surrogate | No
 
 
 @contextmanager
-def one_torch_thread() -> Iterator[None]:
-    """Keep torch, where it is installed, from spreading one row's evaluation over cores, which is slower."""
-    try:
-        import torch
-    except ImportError:
+def one_torch_thread(backends: Collection[str]) -> Iterator[None]:
+    """Keep torch, where a backend is its, from spreading one row's evaluation over cores, which is slower."""
+    if "torch" not in backends:
         yield
         return
+    try:
+        import torch
+    except ImportError as error:
+        raise missing_extra("torch", "torch") from error
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

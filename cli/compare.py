@@ -72,7 +72,7 @@ def compare(
 
     total = len(scenarios) * len(scenarios[0].drivers) * seeds * len({"physics", *wanted})
     driven = iter(range(total))
-    with StageBars() as tell, one_torch_thread():
+    with StageBars() as tell, one_torch_thread(wanted):
         drives = drive_all(
             scenarios, wanted, seeds=range(seeds), progress=lambda _: tell("drives", next(driven), total)
         )

@@ -57,7 +57,7 @@ def drive(
     start = VehicleState.rolling(speed, x=float(x), y=float(y), heading=float(track.heading_at(0.0)))
     simulator = Simulator(machine, built, ground, state=start)
     diverged = None
-    with one_torch_thread():
+    with one_torch_thread([backend]):
         try:
             driven = rollout(simulator, driver, time_limit, control_period=_CONTROL_PERIOD, until=_at_end(track))
         except SimulationDivergedError as error:

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from ..envs import PathTrackingEnv
-from ..terrain import InvalidInputError, named, resolve_vehicle
+from ..terrain import InvalidInputError, named
 from ._console import StageBars, out, print_facts
 from ._drivers import fitting_artifact, load_policy
 from ._options import Artifact, Backend, PathOrFile, Seed, Terrain, Vehicle, whole_numbers
@@ -106,7 +106,7 @@ def train(
             "policy": output,
             "task": f"{vehicle} on {terrain} along {path} at {speed:g} m/s, {backend} backend",
             "time": f"{perf_counter() - began:.1f} s",
-            "judge it": f"grouser rl evaluate {output} --terrain {terrain} --path {path}",
+            "judge it": f"grouser rl evaluate {output} --backend physics --terrain {terrain} --path {path}",
         }
     )
 
@@ -117,7 +117,6 @@ def evaluate(
     backend: Backend = "physics",
     terrain: Terrain = "asphalt",
     path: PathOrFile = "iso-3888-1",
-    vehicle: Vehicle = "m113",
     episodes: Annotated[int, typer.Option(min=1, help="Episodes, each from a start of its own.")] = 5,
     time_limit: Annotated[float, typer.Option(metavar="S", help="Of an episode, in s.")] = 60.0,
     seed: Seed = 0,
@@ -125,10 +124,10 @@ def evaluate(
 ) -> None:
     """Let a policy, without exploration, drive whole episodes from the path's start, and sum its rewards.
 
-    The task is the one that it was trained on, save that episodes run from the path's start to its end. The backend,
-    the ground and the path may be others: a policy trained on a surrogate is worth what it does on physics.
+    Vehicle and task are those that it was trained on, save that episodes run from the path's start to its end. The
+    backend, the ground and the path may be others: a policy trained on a surrogate is worth what it does on physics.
     """
-    loaded = load_policy(policy, resolve_vehicle(vehicle), named(terrain))
+    loaded = load_policy(policy, named(terrain))
     settings = asdict(loaded.config) | {"random_start": False, "time_limit": time_limit}
     environment = PathTrackingEnv(
         backend, loaded.vehicle, terrain, path, backend_options=_backend_options(backend, artifact, terrain), **settings

@@ -28,7 +28,7 @@ from grouser.controllers import (
 )
 from grouser.controllers.comparison import start_state
 from grouser.envs import BeltCommand, Corridor, Driver, Lane, Path, VehicleState
-from grouser.envs.paths import straight
+from grouser.envs.paths import figure_eight, straight
 from grouser.terrain import (
     ConfigurationError,
     Detection,
@@ -441,6 +441,19 @@ def test_starts_lie_within_their_bounds_and_roll_along_the_path() -> None:
     for state in states:
         assert state.y == pytest.approx(3.0)
         assert (state.vx, state.vy, state.yaw_rate, state.v_left, state.v_right) == (5.0, 0.0, 0.0, 5.0, 5.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_path_that_crosses_itself_at_its_start_is_driven_from_its_start(seed: int) -> None:
+    # The vehicle rolls along x, an inch beside a point through which the path also passes along y.
+    path = figure_eight()
+    (drive,) = compare(
+        [scenario(path, drivers={"pursuit": lambda: PurePursuit(path, M113, 5.0)}, time_limit=3.0)],
+        ["physics"],
+        seeds=(seed,),
+    )
+    assert path.project(*drive.log.states[-1, :2], near=14.0).arc_length == pytest.approx(14.5, abs=1.5)
+    assert drive.row.cross_track_rmse_m < 0.5
 
 
 def test_two_comparisons_are_equal_but_for_their_times() -> None:

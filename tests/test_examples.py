@@ -1,0 +1,38 @@
+"""What the README and the examples show runs as shown."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+def run(*arguments: str) -> str:
+    environment = os.environ | {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": "error"}
+    done = subprocess.run(
+        [sys.executable, *arguments], capture_output=True, text=True, env=environment, cwd=ROOT, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs(example: Path) -> None:
+    assert run(str(example)).strip()
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
+def test_a_code_block_of_the_readme_runs(block: str) -> None:
+    run("-c", block)
+
+
+def test_every_verb_that_the_readme_names_exists() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    for verb in set(re.findall(r"^grouser (\w+)", readme, flags=re.MULTILINE)):
+        run("-c", f"import sys; sys.argv = ['grouser', '{verb}', '--help']; from grouser.cli import main; main()")
