@@ -67,7 +67,7 @@ class StageBars:
                 err.print(f"{stage}: {done}/{total} {note}".rstrip(), soft_wrap=True, markup=False)
         else:
             if stage not in self._tasks:
-                self._tasks[stage] = self._progress.add_task(stage, note="")
+                self._tasks[stage] = self._progress.add_task(stage, total=total, note="")
             self._progress.update(self._tasks[stage], completed=done, total=total, note=note)
         if done >= total:
             self._finished.add(stage)

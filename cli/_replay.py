@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from io import BytesIO
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..envs import STATE_NAMES, InterfaceLog, Path, VehicleState
 from ..terrain import InvalidInputError, TrackedVehicle, missing_extra
@@ -14,7 +17,7 @@ _WINDOW: Final = "human"
 # A film of a whole drive in full size is larger than people like to share.
 _FILM_SIZE: Final = (640, 360)
 _STILL_SIZE: Final = (960, 540)
-_COLORS: Final = 64
+_PALETTE_FRAMES: Final = 8
 
 
 def check_target(target: str) -> None:
@@ -65,12 +68,13 @@ def replay(log: InterfaceLog, path: Path, vehicle: TrackedVehicle, label: str, t
         return
     kind = _FORMATS[FilePath(target).suffix.lower()]
     canvas = Renderer(path, vehicle, size=_FILM_SIZE if kind == "GIF" else _STILL_SIZE)
-    frames = [canvas.draw(state, label=label) for state in shown]
+    drawn = (canvas.draw(state, label=label) for state in shown)
+    frames = [frame for frame in drawn if frame is not None]
     canvas.close()
     _write(FilePath(target), kind, frames, period)
 
 
-def _write(target: FilePath, kind: str, frames: list[Any], period: float) -> None:
+def _write(target: FilePath, kind: str, frames: list[NDArray[np.uint8]], period: float) -> None:
     from ..surrogate.container import write_aside
 
     try:
@@ -81,6 +85,11 @@ def _write(target: FilePath, kind: str, frames: list[Any], period: float) -> Non
     if kind == "PNG":
         Image.fromarray(frames[-1]).save(buffer, format=kind)
     else:
-        first, *others = (Image.fromarray(frame).quantize(_COLORS) for frame in frames)
+        # One palette for all frames: faster than one each, and the ground does not flicker.
+        sample = np.concatenate(frames[:: max(1, len(frames) // _PALETTE_FRAMES)])
+        palette = Image.fromarray(sample).quantize()
+        first, *others = (
+            Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
+        )
         first.save(buffer, format=kind, save_all=True, append_images=others, duration=round(1000 * period), loop=0)
     write_aside(target, buffer.getvalue())

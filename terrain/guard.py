@@ -190,24 +190,29 @@ class GuardedBackend(ForceBackend):
     def forces(self, x: FloatArray) -> FloatArray:
         """Return the primary's forces where the row is in distribution, else the fallback's."""
         x = self.interface.check(x)
-        rows = np.atleast_2d(x)
-        outside = self.out_of_distribution(rows)
-        out = np.empty((len(rows), 3))
+        if x.ndim == 1:
+            return self._answering(x).forces(x)
+        outside = self.out_of_distribution(x)
+        out = np.empty((len(x), 3))
         for backend, chosen in ((self.primary, ~outside), (self.fallback, outside)):
             if chosen.any():
-                out[chosen] = backend.forces(rows[chosen])
-        return out.reshape((*x.shape[:-1], 3))
+                out[chosen] = backend.forces(x[chosen])
+        return out
 
     def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return forces and ∂Q/∂x of the backend that each row goes to."""
         x = self.interface.check(x)
-        rows = np.atleast_2d(x)
-        outside = self.out_of_distribution(rows)
-        out, jacobian = np.empty((len(rows), 3)), np.empty((len(rows), 3, self.interface.size))
+        if x.ndim == 1:
+            return self._answering(x).forces_and_jacobian(x)
+        outside = self.out_of_distribution(x)
+        out, jacobian = np.empty((len(x), 3)), np.empty((len(x), 3, self.interface.size))
         for backend, chosen in ((self.primary, ~outside), (self.fallback, outside)):
             if chosen.any():
-                out[chosen], jacobian[chosen] = backend.forces_and_jacobian(rows[chosen])
-        return out.reshape((*x.shape[:-1], 3)), jacobian.reshape((*x.shape[:-1], 3, self.interface.size))
+                out[chosen], jacobian[chosen] = backend.forces_and_jacobian(x[chosen])
+        return out, jacobian
+
+    def _answering(self, row: FloatArray) -> ForceBackend:
+        return self.fallback if self.detector.detect(row).out_of_distribution else self.primary
 
     def blended_forces_and_jacobian(self, x: FloatArray, fallback_weight: float) -> tuple[FloatArray, FloatArray]:
         """Return (1 − w)·primary + w·fallback; a primary output that is not finite counts for nothing.

@@ -25,7 +25,7 @@ MADE = (
 
 def _demo(call: Any, folder: Path) -> str:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(demonstration, "Scenario", partial(Scenario, time_limit=2.0))
+        patch.setattr(demonstration, "Scenario", partial(Scenario, time_limit=1.0))
         return str(call("demo", "--quick", "--workers", 1, "--output", folder).out)
 
 

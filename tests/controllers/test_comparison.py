@@ -104,7 +104,8 @@ class RunsAway(ForceBackend):
     def forces(self, x: FloatArray) -> FloatArray:
         x = self.interface.check(x)
         surplus = x[..., :3] - np.array([10.0, 0.0, 0.0])
-        return 10.0 * surplus * np.array([self.vehicle.mass, self.vehicle.mass, self.vehicle.yaw_inertia])
+        forces: FloatArray = 10.0 * surplus * [self.vehicle.mass, self.vehicle.mass, self.vehicle.yaw_inertia]
+        return forces
 
 
 class SlipperyIsStrange:
@@ -445,14 +446,15 @@ def test_starts_lie_within_their_bounds_and_roll_along_the_path() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_path_that_crosses_itself_at_its_start_is_driven_from_its_start(seed: int) -> None:
-    # The vehicle rolls along x, an inch beside a point through which the path also passes along y.
+    # The vehicle rolls along x, up to a hand's breadth beside a point through which the path also passes along y.
     path = figure_eight()
     (drive,) = compare(
         [scenario(path, drivers={"pursuit": lambda: PurePursuit(path, M113, 5.0)}, time_limit=3.0)],
         ["physics"],
         seeds=(seed,),
     )
-    assert path.project(*drive.log.states[-1, :2], near=14.0).arc_length == pytest.approx(14.5, abs=1.5)
+    x, y = drive.log.states[-1, :2].tolist()
+    assert path.project(x, y, near=14.0).arc_length == pytest.approx(14.5, abs=1.5)
     assert drive.row.cross_track_rmse_m < 0.5
 
 

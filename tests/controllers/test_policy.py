@@ -37,9 +37,7 @@ ASPHALT, ICE, SAND = named("asphalt"), named("ice"), named("lete-sand")
 def make_policy(seed: int = 0, terrain: Ground = ASPHALT, drive: float = 0.0, **settings: Any) -> TrackingPolicy:
     """A small random policy; ``drive`` is added to what it asks of both actions."""
     config = TrackingConfig(**settings)
-    network = random_network(
-        (observation_size(terrain.mode, config), 16, 2), "tanh", np.random.default_rng(seed)
-    )
+    network = random_network((observation_size(terrain.mode, config), 16, 2), "tanh", np.random.default_rng(seed))
     biases = (network.biases[0], network.biases[1] + np.float32(drive))
     recipe = {"steps": 600, "hidden": [16], "backend": {"backend": "physics"}}
     return TrackingPolicy(DenseNetwork("tanh", network.weights, biases), M113, config, recipe)

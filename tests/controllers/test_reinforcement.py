@@ -144,9 +144,7 @@ def test_hyper_parameters_reach_the_library(trained: Training) -> None:
 def test_a_policy_knows_its_vehicle_its_task_and_how_it_was_trained(trained: Training, tmp_path: FilePath) -> None:
     policy = TrackingPolicy.load(trained.policy.save(tmp_path / "policy.safetensors"))
     assert policy.vehicle == M113
-    assert policy.config == TrackingConfig(
-        action_mode="twist", reference_speed=4.0, random_start=True, time_limit=4.0
-    )
+    assert policy.config == TrackingConfig(action_mode="twist", reference_speed=4.0, random_start=True, time_limit=4.0)
     made = json.loads(json.dumps(asdict(CONFIG)))
     assert {key: policy.recipe[key] for key in made} == made
     assert policy.recipe["backend"]["backend"] == "physics"
