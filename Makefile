@@ -3,7 +3,7 @@ PYTHON ?= $(firstword $(foreach p,python3.11 python3.12 python3.13 python3,$(she
 BIN    := .venv/bin
 PIP    := $(BIN)/python -m pip install -q -c constraints.txt
 PKGS   := envs terrain surrogate controllers native cli
-CSRC   := native/CMakeLists.txt $(wildcard native/src/*.c native/src/*.h native/include/*.h)
+CSRC   := native/CMakeLists.txt $(wildcard native/src/*.c native/src/*.h native/include/grouser/*.h)
 
 .PHONY: demo test slow lint bench clean help
 help:
@@ -19,7 +19,8 @@ test: .venv/.native
 slow: .venv/.native
 	$(BIN)/python -P -m pytest -q -m slow
 lint: .venv/.native
-	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/mypy tests examples benchmarks
+	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/mypy tests examples benchmarks && \
+	  PYTHONSAFEPATH=1 $(BIN)/lint-imports
 bench: .venv/.native
 	$(BIN)/python -P benchmarks/force_call.py --output build/bench/force_call.json
 

@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Final
 
 from ..envs import Driver, Path
-from ..terrain import ConfigurationError, Ground, TrackedVehicle, missing_extra, unknown_name
+from ..terrain import ConfigurationError, Ground, TrackedVehicle, unknown_name
 
 if TYPE_CHECKING:
     from ..controllers import TrackingPolicy
@@ -93,13 +93,7 @@ def one_torch_thread(backends: Collection[str]) -> Iterator[None]:
     if "torch" not in backends:
         yield
         return
-    try:
-        import torch
-    except ImportError as error:
-        raise missing_extra("torch", "torch") from error
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
+    from ..surrogate.threads import torch_threads
+
+    with torch_threads(1):
         yield
-    finally:
-        torch.set_num_threads(threads)

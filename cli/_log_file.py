@@ -13,7 +13,7 @@ from ..envs import STATE_NAMES, InterfaceLog
 
 def write_log(file: Path, log: InterfaceLog) -> None:
     """Write a log as ``.npz``, readable without pickle: arrays by name, with the names of their columns."""
-    from ..surrogate.container import write_aside
+    from ..terrain import write_aside
 
     buffer = BytesIO()
     np.savez_compressed(

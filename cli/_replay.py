@@ -75,7 +75,7 @@ def replay(log: InterfaceLog, path: Path, vehicle: TrackedVehicle, label: str, t
 
 
 def _write(target: FilePath, kind: str, frames: list[NDArray[np.uint8]], period: float) -> None:
-    from ..surrogate.container import write_aside
+    from ..terrain import write_aside
 
     try:
         from PIL import Image

@@ -52,7 +52,7 @@ def compare(
     from ..controllers import Scenario, document
     from ..controllers import compare as drive_all
     from ..controllers.report import write_report
-    from ..surrogate.offline.dataset import write_json
+    from ..terrain import write_json
 
     machine = TrackedVehicle.preset(vehicle)
     track = make_path(path, machine)

@@ -41,11 +41,10 @@ def demo(
 
 
 def full_config(seed: int) -> DemoConfig:
-    """Return the sizes of the demonstration, with one seed for data, training and policies."""
+    """Return the sizes of the demonstration."""
     from ..controllers.demonstration import DemoConfig
 
-    config = DemoConfig(seed=seed)
-    return replace(config, training=replace(config.training, seed=seed), policy=replace(config.policy, seed=seed))
+    return DemoConfig(seed=seed)
 
 
 def quick_config(seed: int) -> DemoConfig:
@@ -56,6 +55,7 @@ def quick_config(seed: int) -> DemoConfig:
         rigid_runs=24,
         soil_runs=24,
         samples_per_run=100,
+        time_limit=20.0,
         training=replace(config.training, hidden=(32, 32), epochs=2, batch_size=256),
         policy=replace(config.policy, steps=512, environments=2, rollout_steps=128, batch_size=128, epochs=2),
     )

@@ -35,7 +35,7 @@ def evaluate(
     """
     from ..surrogate import Surrogate
     from ..surrogate.offline import force_metrics, load_dataset, metrics_to_dict, worst_runs
-    from ..surrogate.offline.dataset import write_json
+    from ..terrain import write_json
 
     surrogate, whole = Surrogate.load(artifact), load_dataset(dataset)
     surrogate.require(whole.vehicle, whole.manifest.mode)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
@@ -13,7 +14,6 @@ import numpy as np
 from ..envs import BeltCommand, Driver, InterfaceLog, Path, Simulator, VehicleState, rollout
 from ..surrogate.offline.metrics import output_metrics
 from ..terrain import (
-    OUTPUT_NAMES,
     FloatArray,
     ForceBackend,
     Ground,
@@ -27,6 +27,7 @@ from ..terrain import (
 TIME_FIELDS: Final = ("force_call_ns", "deadline_misses")
 REFERENCE_BACKEND: Final = "physics"
 _TIMED_CALLS: Final = 400
+_NOISE_SHARE: Final = 1e-6
 
 DriverFactory = Callable[[], Driver]
 Progress = Callable[[str], None]
@@ -56,6 +57,8 @@ class Scenario:
         Options of :func:`~grouser.terrain.make_backend` by backend name.
     time_limit : float
         Of a drive, in s.
+    maximum_cross_track : float
+        Distance from the path in m at which a drive is given up.
     """
 
     name: str
@@ -67,6 +70,7 @@ class Scenario:
     drivers: Mapping[str, DriverFactory]
     backend_options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     time_limit: float = 60.0
+    maximum_cross_track: float = 10.0
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,8 @@ class ComparisonRow:
     seed : int
         Of the initial offsets.
     finished : bool
-        Whether the vehicle reached the path's end; not so where time ran out or the simulation diverged.
+        Whether the vehicle reached the path's end; not so where it lost the path, time ran out or the simulation
+        diverged.
     cross_track_rmse_m : float
         Over all ticks.
     corridor_violation_m : float or None
@@ -89,17 +94,17 @@ class ComparisonRow:
         From the drive on physics, at the instant at which the shorter of the two ended.
     force_r2 : list of float or None
         R² of Qx, Qy, Mz against physics at the drive's own logged inputs; None where the physics does not vary.
-    first_move_difference_rms : float
+    first_move_difference_rms : float or None
         Root mean square over control instants of the difference of the belt commands from the drive on physics,
-        over the training speed.
+        over the training speed; the difference is the norm over both belts. None where there was no move.
     failed_solves : int
         Of a controller that solves.
     fallback_rate : float
         Share of ticks in which the fallback had a part in the force.
     switches : int
         Of the guard.
-    force_call_ns : float
-        Median time of one force call at logged inputs, from Python.
+    force_call_ns : float or None
+        Median time of one force call at logged inputs, from Python; None where nothing was logged.
     deadline_misses : int
         Control instants whose command took longer than the control period.
     """
@@ -115,11 +120,11 @@ class ComparisonRow:
     final_position_difference_m: float
     final_heading_difference_rad: float
     force_r2: list[float | None]
-    first_move_difference_rms: float
+    first_move_difference_rms: float | None
     failed_solves: int
     fallback_rate: float
     switches: int
-    force_call_ns: float
+    force_call_ns: float | None
     deadline_misses: int
 
 
@@ -136,8 +141,8 @@ class _Timed:
 
     def __init__(self, driver: Driver, period: float) -> None:
         self.driver = driver
+        self.period = getattr(driver, "period", period)
         self.misses = 0
-        self._period = period
 
     def reset(self) -> None:
         self.misses = 0
@@ -146,7 +151,7 @@ class _Timed:
     def command(self, state: VehicleState) -> BeltCommand:
         began = perf_counter()
         command = self.driver.command(state)
-        self.misses += perf_counter() - began > self._period
+        self.misses += perf_counter() - began > self.period
         return command
 
 
@@ -183,9 +188,9 @@ def compare(
     InvalidInputError
         If there is nothing to compare.
     """
-    if not scenarios or not backends or not seeds:
-        raise InvalidInputError("a comparison needs at least one scenario, backend and seed")
-    order = [REFERENCE_BACKEND, *(name for name in backends if name != REFERENCE_BACKEND)]
+    if not scenarios or not backends or not seeds or not all(scenario.drivers for scenario in scenarios):
+        raise InvalidInputError("a comparison needs at least one scenario, backend and seed, and a driver for each")
+    order = list(dict.fromkeys((REFERENCE_BACKEND, *backends)))
     drives = []
     for scenario in scenarios:
         built = {name: _backend(scenario, name) for name in order}
@@ -248,16 +253,17 @@ def _drive(
     timed = _Timed(driver, control_period)
     near = 0.0
 
-    def at_end(state: VehicleState) -> bool:
+    def over(state: VehicleState) -> bool:
         nonlocal near
-        near = path.project(state.x, state.y, near=near).arc_length
-        return near >= path.length
+        foot = path.project(state.x, state.y, near=near)
+        near = foot.arc_length
+        return near >= path.length or abs(foot.cross_track) > scenario.maximum_cross_track
 
     try:
-        log = rollout(simulator, timed, scenario.time_limit, control_period=control_period, until=at_end)
+        log = rollout(simulator, timed, scenario.time_limit, control_period=control_period, until=over)
     except SimulationDivergedError as error:
         # A surrogate far outside its data may well diverge: that is a result, not a reason to lose the others.
-        if not isinstance(error.log, InterfaceLog) or not len(error.log):
+        if not isinstance(error.log, InterfaceLog):
             raise
         log = error.log
     arc_length, cross_track = path.follow(log.states[:, :2])
@@ -274,15 +280,13 @@ def _drive(
         controller=controller,
         backend=name,
         seed=seed,
-        finished=bool(arc_length[-1] >= path.length),
+        finished=bool(arc_length[-1] >= path.length and abs(cross_track[-1]) <= scenario.maximum_cross_track),
         cross_track_rmse_m=float(np.sqrt(np.mean(cross_track**2))),
         corridor_violation_m=_violation(scenario, log),
         final_position_difference_m=float(np.hypot(*position)),
-        final_heading_difference_rad=abs(float(heading)),
-        force_r2=[output_metrics(log.forces[:, i], truth[:, i]).r2 for i in range(len(OUTPUT_NAMES))],
-        first_move_difference_rms=float(
-            np.sqrt(np.mean(np.sum((moves - their_moves) ** 2, axis=1))) / vehicle.training_speed
-        ),
+        final_heading_difference_rad=abs(math.remainder(float(heading), 2 * math.pi)),
+        force_r2=[_r2(log.forces[:, i], truth[:, i], noise) for i, noise in enumerate(_noise(vehicle))],
+        first_move_difference_rms=_rms(moves - their_moves, vehicle.training_speed),
         failed_solves=sum(not record.success for record in getattr(driver, "records", ())),
         fallback_rate=log.fallback_rate,
         switches=log.switches,
@@ -290,6 +294,20 @@ def _drive(
         deadline_misses=timed.misses,
     )
     return Drive(row, log)
+
+
+def _noise(vehicle: TrackedVehicle) -> tuple[float, float, float]:
+    """Return the spreads of Qx, Qy, Mz up to which they are round-off: a straight drive has no Qy to explain."""
+    force = _NOISE_SHARE * vehicle.weight
+    return force, force, force * vehicle.contact_length / 4
+
+
+def _r2(forces: FloatArray, truth: FloatArray, noise: float) -> float | None:
+    return output_metrics(forces, truth, noise=noise).r2 if len(truth) else None
+
+
+def _rms(differences: FloatArray, scale: float) -> float | None:
+    return float(np.sqrt(np.mean(np.sum(differences**2, axis=1))) / scale) if len(differences) else None
 
 
 def _violation(scenario: Scenario, log: InterfaceLog) -> float | None:
@@ -300,7 +318,9 @@ def _violation(scenario: Scenario, log: InterfaceLog) -> float | None:
     return float(scenario.path.corridor.violations(x, y, heading, vehicle.contact_length, vehicle.overall_width).max())
 
 
-def _force_call_ns(backend: ForceBackend, inputs: FloatArray) -> float:
+def _force_call_ns(backend: ForceBackend, inputs: FloatArray) -> float | None:
+    if not len(inputs):
+        return None
     rows = inputs[:: max(1, len(inputs) // _TIMED_CALLS)]
     times = []
     for row in rows:

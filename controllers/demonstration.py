@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path as FilePath
 from queue import Empty
 from time import perf_counter
@@ -14,9 +13,10 @@ from typing import Any, Final
 
 from ..envs import Driver, Path, make_path
 from ..surrogate import Surrogate
-from ..surrogate.offline.dataset import load_dataset, write_json
+from ..surrogate.offline.dataset import load_dataset
 from ..surrogate.offline.generate import DataConfig, generate_dataset
 from ..surrogate.offline.training import EpochReport, TrainingConfig, train_surrogate
+from ..surrogate.threads import torch_threads
 from ..terrain import (
     ArtifactError,
     Ground,
@@ -25,6 +25,7 @@ from ..terrain import (
     SteppedTerrain,
     TrackedVehicle,
     named,
+    write_json,
 )
 from .comparison import Drive, DriverFactory, Scenario, compare, document
 from .mpc import PathTrackingMPC
@@ -64,8 +65,10 @@ class DemoConfig:
         Reference speed in m/s.
     ice_from : float
         x in m from which the third scenario's asphalt is ice.
+    time_limit : float
+        Of a drive, in s.
     seed : int
-        Of everything that is drawn.
+        Of everything that is drawn; takes the place of those of ``training`` and ``policy``.
     """
 
     vehicle: str = "m113"
@@ -83,9 +86,12 @@ class DemoConfig:
     path: str = "iso-3888-1"
     speed: float = 5.0
     ice_from: float = 40.0
+    time_limit: float = 60.0
     seed: int = 0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "training", replace(self.training, seed=self.seed))
+        object.__setattr__(self, "policy", replace(self.policy, seed=self.seed))
         for name in ("rigid_runs", "soil_runs"):
             if getattr(self, name) < 18:
                 raise InvalidInputError(
@@ -168,7 +174,7 @@ def run_demonstration(
     scenarios = demo_scenarios(config, artifacts, policies)
     total = sum(len(scenario.drivers) for scenario in scenarios) * len(BACKENDS)
     driven = iter(range(total))
-    with _one_torch_thread():
+    with torch_threads(1):
         drives = compare(
             scenarios, BACKENDS, seeds=(config.seed,), progress=lambda _: tell("drives", next(driven), total)
         )
@@ -238,6 +244,7 @@ def _scenario(
         config.speed,
         drivers,
         {backend: artifact for backend in BACKENDS if backend != "physics"},
+        config.time_limit,
     )
 
 
@@ -258,12 +265,8 @@ def _train_surrogate(tell: StageProgress, config: DemoConfig, mode: Mode, folder
 
 def _train_policy(tell: StageProgress, config: DemoConfig, mode: Mode, artifact: str, output: FilePath) -> None:
     stage, steps = f"policy, {mode}", config.policy.steps
-    recipe = asdict(config.policy)
     surrogate = Surrogate.load(artifact)
-    if _is_current(lambda: TrackingPolicy.load(output), recipe, surrogate.content_hash):
-        tell(stage, steps, steps)
-        return
-    environment = {
+    environment: dict[str, Any] = {
         "backend": "native",
         "vehicle": config.vehicle,
         "terrain": "asphalt" if mode == "rigid" else "lete-sand",
@@ -273,10 +276,16 @@ def _train_policy(tell: StageProgress, config: DemoConfig, mode: Mode, artifact:
         "random_start": True,
         "time_limit": 8.0,
         "cross_track_weight": 2.0,
-        "backend_options": {"artifact": artifact},
     }
+    recipe = {**asdict(config.policy), "environment": environment}
+    if _is_current(lambda: TrackingPolicy.load(output), recipe, surrogate.content_hash):
+        tell(stage, steps, steps)
+        return
     tell(stage, 0, steps)
-    train_policy(config.policy, environment, progress=lambda done, total: tell(stage, done, total)).save(output)
+    options = {"backend_options": {"artifact": artifact}}
+    train_policy(config.policy, environment | options, progress=lambda done, total: tell(stage, done, total)).save(
+        output
+    )
 
 
 def _is_current(load: Callable[[], Any], recipe: Mapping[str, Any], origin: str) -> bool:
@@ -314,16 +323,3 @@ def _in_processes(
 
 def _tell_queue(job: Callable[..., None], queue: Any, arguments: tuple[Any, ...]) -> None:
     job(lambda stage, done, total: queue.put((stage, done, total)), *arguments)
-
-
-@contextmanager
-def _one_torch_thread() -> Iterator[None]:
-    """Keep torch from spreading a network of a few thousand weights over cores, which costs more than it saves."""
-    import torch
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)

@@ -123,6 +123,11 @@ class PathTrackingMPC:
         return tuple(self._records)
 
     @property
+    def period(self) -> float:
+        """The control period in s, which is the deadline of a solve."""
+        return self.config.period
+
+    @property
     def deadline(self) -> float:
         """The control period in s."""
         return self.config.period
@@ -183,7 +188,7 @@ class PathTrackingMPC:
 
     def _references(self, state: VehicleState) -> FloatArray:
         """Return the references of the stages, shape (N + 1, 9), positions relative to the vehicle."""
-        foot = self.path.project(state.x, state.y, self._arc_length)
+        foot = self.path.project(state.x, state.y, self._arc_length, heading=state.heading)
         self._arc_length = foot.arc_length
         arc_length = [foot.arc_length]
         for _ in range(self.config.horizon):

@@ -10,15 +10,25 @@ from typing import Any, Final
 
 import numpy as np
 
-from ..envs.observation import Observation, belt_command, observe
+from ..envs.observation import Observation, belt_command, observation_size, observe
 from ..envs.path import Path
 from ..envs.state import BeltCommand, VehicleState
 from ..envs.tracking_config import TrackingConfig, tracking_config
 from ..surrogate import NUMPY_NETWORK, DenseNetwork
-from ..surrogate.container import pack, unpack, write_aside
-from ..terrain import ArtifactError, FloatArray, Ground, GrouserError, TrackedVehicle
+from ..surrogate.container import pack, unpack
+from ..terrain import (
+    MODES,
+    ArtifactError,
+    ConfigurationError,
+    FloatArray,
+    Ground,
+    GrouserError,
+    TrackedVehicle,
+    write_aside,
+)
 
 FORMAT_VERSION: Final = 1
+_KIND: Final = "path-tracking policy"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +45,26 @@ class TrackingPolicy:
         Settings of the task: how observations and actions are scaled.
     recipe : Mapping
         How it was trained, as JSON can hold it.
+
+    Raises
+    ------
+    ArtifactError
+        If the network has other inputs or outputs than the task.
     """
 
     network: DenseNetwork
     vehicle: TrackedVehicle
     config: TrackingConfig
     recipe: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        inputs, outputs = self.network.widths[0], self.network.widths[-1]
+        expected = sorted({observation_size(mode, self.config) for mode in MODES})
+        if inputs not in expected or outputs != 2:
+            raise ArtifactError(
+                f"a path-tracking policy of these settings takes {' or '.join(map(str, expected))} numbers and returns "
+                f"2, got {inputs} and {outputs}"
+            )
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the action in [-1, 1]², shape (2,), for an observation."""
@@ -69,6 +93,8 @@ class TrackingPolicy:
             raise ArtifactError(f"cannot read policy {str(path)!r}: {error.strerror}") from error
         tensors, metadata = unpack(data, str(path), FORMAT_VERSION)
         try:
+            if metadata["kind"] != _KIND:
+                raise ArtifactError(f"it is a {metadata['kind']}")
             layers = range(metadata["actor"]["layers"])
             return cls(
                 DenseNetwork(
@@ -86,7 +112,7 @@ class TrackingPolicy:
     def _metadata(self) -> dict[str, Any]:
         return {
             "format_version": FORMAT_VERSION,
-            "kind": "path-tracking policy",
+            "kind": _KIND,
             "actor": {"activation": self.network.activation, "layers": len(self.network.weights)},
             "vehicle": self.vehicle.to_dict(),
             "config": asdict(self.config),
@@ -105,13 +131,28 @@ class PolicyDriver:
         The path.
     ground : Ground
         Looked at only by a policy that observes the terrain.
+
+    Raises
+    ------
+    ConfigurationError
+        If the policy observes the terrain and was trained in the other mode.
     """
 
     def __init__(self, policy: TrackingPolicy, path: Path, ground: Ground) -> None:
+        size, expected = policy.network.widths[0], observation_size(ground.mode, policy.config)
+        if size != expected:
+            raise ConfigurationError(
+                f"on {ground.mode} ground the policy would see {expected} numbers; it takes {size}"
+            )
         self.policy: Final = policy
         self.path: Final = path
         self.ground: Final = ground
         self.reset()
+
+    @property
+    def period(self) -> float:
+        """The control period in s that the policy was trained at."""
+        return self.policy.config.control_period
 
     def reset(self) -> None:
         """Forget the last drive."""
@@ -120,7 +161,7 @@ class PolicyDriver:
 
     def command(self, state: VehicleState) -> BeltCommand:
         """Return the belt-speed command for the state."""
-        foot = self.path.project(state.x, state.y, near=self._near)
+        foot = self.path.project(state.x, state.y, near=self._near, heading=state.heading)
         self._near = foot.arc_length
         observation = observe(
             state,

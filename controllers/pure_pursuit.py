@@ -102,6 +102,11 @@ class PurePursuit:
         )
         self.reset()
 
+    @property
+    def period(self) -> float:
+        """The control period in s, which the speed loop integrates over."""
+        return self.config.period
+
     def reset(self) -> None:
         """Forget where on the path the vehicle is, and the speed loop's integral."""
         self._arc_length: float | None = None
@@ -109,7 +114,7 @@ class PurePursuit:
 
     def command(self, state: VehicleState) -> BeltCommand:
         """Return the belt-speed command for the state."""
-        foot = self.path.project(state.x, state.y, self._arc_length)
+        foot = self.path.project(state.x, state.y, self._arc_length, heading=state.heading)
         self._arc_length = foot.arc_length
         yaw_rate = self._curvature(state, foot.arc_length) * state.vx
         half = self.slip.belts(0.0, yaw_rate, self.vehicle.tread).right

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..envs import PathTrackingEnv
 from ..surrogate import DenseNetwork
+from ..surrogate.threads import torch_threads
 from ..terrain import InvalidInputError, missing_extra
 from .policy import TrackingPolicy
 
@@ -42,7 +44,7 @@ class PPOConfig:
     Raises
     ------
     InvalidInputError
-        If a number is not positive.
+        If a number is impossible.
     """
 
     steps: int = 60_000
@@ -58,8 +60,14 @@ class PPOConfig:
 
     def __post_init__(self) -> None:
         for name in ("steps", "environments", "rollout_steps", "batch_size", "epochs", "learning_rate"):
-            if not getattr(self, name) > 0:
-                raise InvalidInputError(f"{name} must be positive, got {getattr(self, name)!r}")
+            if not 0 < getattr(self, name) < math.inf:
+                raise InvalidInputError(f"{name} must be positive and finite, got {getattr(self, name)!r}")
+        whole = ("steps", "environments", "rollout_steps", "batch_size", "epochs", "seed")
+        for name, value in [*((name, getattr(self, name)) for name in whole), *(("hidden", w) for w in self.hidden)]:
+            if isinstance(value, bool) or not isinstance(value, int) or value < (0 if name == "seed" else 1):
+                raise InvalidInputError(f"{name} must be a positive whole number, got {value!r}")
+        if not 0 < self.discount <= 1 or not math.isfinite(self.initial_log_std):
+            raise InvalidInputError(f"discount must lie in (0, 1] and initial_log_std be finite, got {self.discount}")
 
 
 def train_policy(
@@ -78,7 +86,7 @@ def train_policy(
     config : PPOConfig
         Hyper-parameters.
     environment : mapping
-        Arguments of :class:`~grouser.envs.PathTrackingEnv`.
+        Arguments of :class:`~grouser.envs.PathTrackingEnv`, as JSON can hold them but for ``backend_options``.
     progress : callable, optional
         Called with steps done and steps in all, after each rollout.
     tensorboard : str, optional
@@ -105,9 +113,7 @@ def train_policy(
             if progress is not None:
                 progress(min(self.num_timesteps, config.steps), config.steps)
 
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
+    with torch_threads(1):
         vector = make_vec_env(
             PathTrackingEnv, n_envs=config.environments, seed=config.seed, env_kwargs=dict(environment)
         )
@@ -129,15 +135,17 @@ def train_policy(
             tensorboard_log=tensorboard,
         )
         model.learn(config.steps, callback=Reporter())
-    finally:
-        torch.set_num_threads(threads)
     task: PathTrackingEnv = vector.envs[0].unwrapped  # type: ignore[attr-defined]
     actor = torch.nn.Sequential(*model.policy.mlp_extractor.policy_net, model.policy.action_net)
     policy = TrackingPolicy(
         DenseNetwork.from_torch(actor),
         task.vehicle,
         task.config,
-        {**asdict(config), "backend": task.simulator.backend.describe(), "path": task.path.name},
+        {
+            **asdict(config),
+            "backend": task.simulator.backend.describe(),
+            "environment": {key: value for key, value in environment.items() if key != "backend_options"},
+        },
     )
     vector.close()
     return policy

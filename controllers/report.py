@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path as FilePath
@@ -12,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from ..envs import Path
-from ..terrain import OUTPUT_NAMES, SteppedTerrain, missing_extra
+from ..terrain import OUTPUT_NAMES, SteppedTerrain, missing_extra, write_aside
 from .comparison import TIME_FIELDS, Drive, Scenario
 
 # Okabe-Ito: told apart by the colour-blind, and in grey.
@@ -87,7 +88,7 @@ def report_page(
         Test metrics by surrogate name.
     """
     columns = [
-        ("scenario", "scenario"), ("controller", "controller"), ("backend", "backend"), ("finished", "finished"),
+        ("scenario", "scenario"), ("controller", "controller"), ("backend", "backend"), ("seed", "seed"), ("finished", "finished"),
         ("corridor_violation_m", "out of lane, m"), ("cross_track_rmse_m", "cross-track RMSE, m"),
         ("final_position_difference_m", "end from physics, m"), ("force_r2", "R² of Qx, Qy, Mz on the way"),
         ("first_move_difference_rms", "command difference"), ("fallback_rate", "fallback"),
@@ -131,12 +132,10 @@ def write_report(
             chosen = [d for d in drives if (d.row.scenario, d.row.controller) == (scenario.name, controller)]
             first_seed = [d for d in chosen if d.row.seed == chosen[0].row.seed]
             png = overlay_plot(scenario, controller, first_seed)
-            target = folder / f"{scenario.name}-{controller}.png"
-            target.write_bytes(png)
-            files.append(target)
+            stem = re.sub(r"[^\w.-]+", "-", f"{scenario.name}-{controller}")
+            files.append(write_aside(folder / f"{stem}.png", png))
             plots[f"{scenario.name}, {controller}"] = png
-    page = folder / "report.html"
-    page.write_text(report_page(compared, plots, artifacts), encoding="utf-8")
+    page = write_aside(folder / "report.html", report_page(compared, plots, artifacts).encode())
     return [*files, page]
 
 
@@ -179,7 +178,7 @@ def _matplotlib() -> tuple[Any, Any]:
 
 _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>grouser: one lane change, four grounds' answers</title>
+<title>grouser: the same drivers on every backend</title>
 <style>
 :root {{ color-scheme: light; }}
 body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 1180px; margin: 2rem auto; padding: 0 1rem; color: #222; }}

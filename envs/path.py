@@ -147,7 +147,15 @@ class Path:
         """In m; of a closed path, once around."""
         return self._length
 
-    def project(self, x: float, y: float, near: float | None = None, *, window: float = 5.0) -> Projection:
+    def project(
+        self,
+        x: float,
+        y: float,
+        near: float | None = None,
+        *,
+        window: float = 5.0,
+        heading: float | None = None,
+    ) -> Projection:
         """Return the foot of (x, y) on the path.
 
         The foot moves continuously with the point, as long as the point stays nearer to the path than its
@@ -163,6 +171,9 @@ class Path:
             Without it the whole path is searched and a closed path answers within [0, length).
         window : float
             Half-width of that search in m.
+        heading : float, optional
+            Of the vehicle in rad. Without ``near``, stretches of the path that run more than 60° off it are passed
+            over, so that a vehicle at a crossing is put on the branch that it drives; unless all do.
 
         Raises
         ------
@@ -188,15 +199,20 @@ class Path:
         else:
             index = np.arange(first, stop) % last
             dx, dy = self.x[index] - x, self.y[index] - y
-        nearest = first + int((dx * dx + dy * dy).argmin())
+        distance = dx * dx + dy * dy
+        if near is None and heading is not None:
+            along_path = np.cos(self.heading - heading) > 0.5
+            if along_path.any():
+                distance = np.where(along_path, distance, math.inf)
+        nearest = first + int(distance.argmin())
 
         # Newton on (p − c(s))·t(s) = 0 from the nearest sample; the foot lies within a step of it, or past an open end.
         s = nearest * step
         low = -math.inf if nearest == 0 and not self.closed else s - step
         high = math.inf if nearest == last and not self.closed else s + step
         for _ in range(4):
-            foot_x, foot_y, heading, curvature = self._at(s)
-            cosine, sine = math.cos(heading), math.sin(heading)
+            foot_x, foot_y, direction, curvature = self._at(s)
+            cosine, sine = math.cos(direction), math.sin(direction)
             along = (x - foot_x) * cosine + (y - foot_y) * sine
             cross = (y - foot_y) * cosine - (x - foot_x) * sine
             moved = min(max(s + along / max(1.0 - curvature * cross, 0.2), low), high)
@@ -205,14 +221,15 @@ class Path:
             s = moved
         if near is None and self.closed:
             lap = math.floor(s / self._length)
-            s, heading = s - lap * self._length, heading - lap * self._turn
+            s, direction = s - lap * self._length, direction - lap * self._turn
             if s >= self._length:  # a foot a rounding error before the start
-                s, heading = 0.0, heading - self._turn
-        return Projection(s, cross, heading, curvature, foot_x, foot_y)
+                s, direction = 0.0, direction - self._turn
+        return Projection(s, cross, direction, curvature, foot_x, foot_y)
 
     def follow(self, positions: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return arc lengths and cross-track errors in m, both (n,), of positions (n, 2) that follow one another."""
-        near, feet = 0.0, []
+        near = 0.0
+        feet: list[tuple[float, float]] = []
         for x, y in np.asarray(positions, dtype=np.float64).tolist():
             foot = self.project(x, y, near=near)
             near = foot.arc_length

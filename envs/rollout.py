@@ -48,7 +48,7 @@ def rollout(
     simulator : Simulator
         Starts from the state it has.
     driver : Driver
-        Reset first, then asked for a command once a control period.
+        Reset first, then asked for a command once a control period. One that names its ``period`` is held to it.
     duration : float
         In s, a multiple of the tick.
     control_period : float
@@ -63,12 +63,17 @@ def rollout(
     Raises
     ------
     InvalidInputError
-        If the periods do not divide.
+        If the periods do not divide, or the driver's period is another.
     SimulationDivergedError
         If a tick was not solved; its ``log`` holds the drive up to there.
     """
     ticks = whole_ratio(duration, simulator.tick, "duration and tick")
     hold = whole_ratio(control_period, simulator.tick, "control period and tick")
+    period = getattr(driver, "period", None)
+    if period is not None and abs(period - control_period) > 1e-9:
+        raise InvalidInputError(
+            f"this driver moves on by {period:g} s a command, got a control period of {control_period:g} s"
+        )
     recorder = LogRecorder(simulator)
     driver.reset()
     for index in range(ticks):

@@ -16,13 +16,14 @@ from ..terrain import (
     Ground,
     GuardedBackend,
     GuardState,
-    InvalidInputError,
     SimulationDivergedError,
     TrackedVehicle,
     make_backend,
+    resolve_ground,
     resolve_vehicle,
     unknown_name,
 )
+from ..terrain.parameters import require_in
 from .driveline import advance_belts, check_command
 from .state import BeltCommand, VehicleState
 from .tick import INTEGRATORS, BodyStep, ForceFunction, Integrator, explicit_step, implicit_step, tolerance
@@ -66,8 +67,8 @@ class Simulator:
         Preset name or vehicle.
     backend : str or ForceBackend
         Name for :func:`grouser.terrain.make_backend`, or a backend.
-    ground : Ground
-        A terrain, or anything that gives θ at a position; sampled at the CG at the tick's start.
+    ground : str or Ground
+        A ground's name, a terrain, or anything that gives θ at a position; sampled at the CG at the tick's start.
     tick : float
         T_s in s.
     integrator : {"implicit", "sdirk2", "euler"}
@@ -87,21 +88,20 @@ class Simulator:
         self,
         vehicle: str | TrackedVehicle,
         backend: str | ForceBackend,
-        ground: Ground,
+        ground: str | Ground,
         *,
         tick: float = 0.01,
         integrator: Integrator = "implicit",
         state: VehicleState = VehicleState(),  # noqa: B008 - frozen
     ) -> None:
         self.vehicle: Final = resolve_vehicle(vehicle)
-        self.backend: Final = make_backend(backend, mode=ground.mode, vehicle=self.vehicle)
+        self._ground = resolve_ground(ground)
+        self.backend: Final = make_backend(backend, mode=self._ground.mode, vehicle=self.vehicle)
         if integrator not in INTEGRATORS:
             raise unknown_name("integrator", integrator, INTEGRATORS)
-        if not 0 < tick <= 1:
-            raise InvalidInputError(f"tick must lie in (0, 1] s, got {tick!r}")
+        require_in("tick", tick, 0.0, 1.0, low_open=True)
         self.tick: Final = tick
         self.integrator: Final[Integrator] = integrator
-        self._ground = ground
         self._tolerance = tolerance(self.backend.resolution)
         self._state = state
 

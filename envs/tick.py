@@ -244,11 +244,12 @@ def _newton_direction(
     if not (math.isfinite(determinant) and determinant != 0.0):
         return None
     r, s, t = residual
-    return (
+    direction = (
         -(ca * r + (c * h - b * i) * s + (b * f - c * e) * t) / determinant,
         -(cb * r + (a * i - c * g) * s + (c * d - a * f) * t) / determinant,
         -(cc * r + (b * g - a * h) * s + (a * e - b * d) * t) / determinant,
     )
+    return direction if math.isfinite(sum(direction)) else None
 
 
 def _along(start: Body, length: float, direction: Body) -> Body:

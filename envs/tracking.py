@@ -6,35 +6,36 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from ..terrain import (
+    FloatArray,
     ForceBackend,
     Ground,
     GuardedBackend,
     GuardMode,
     InvalidInputError,
     PhysicsBackend,
+    SimulationDivergedError,
     TrackedVehicle,
     make_backend,
-    resolve_terrain,
+    resolve_ground,
     resolve_vehicle,
     unknown_name,
 )
+from ..terrain.parameters import require_in
 from .observation import OBSERVATION_BOUND, Observation, belt_command, observation_size, observe, reference_speed
 from .path import Path, Projection
 from .paths import make_path
-from .rendering import Renderer
+from .rendering import Renderer, RenderMode
 from .rollout import whole_ratio
 from .simulator import Simulator, TickRecord
 from .state import VehicleState
-from .tracking_config import check_reset_options, tracking_config
-
-RenderMode = Literal["rgb_array", "human"]
+from .tracking_config import ResetOptions, check_reset_options, tracking_config
 
 # Cells of the block that the slip power is taken from, whatever the backend: a plain network has no track forces.
 _SLIP_POWER_CELLS: Final = (2, 1)
@@ -80,11 +81,12 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     The vehicle starts near the path's start (with ``random_start``, anywhere on it), rolling along it; see :class:`ResetOptions`. An episode terminates
     beyond ``maximum_cross_track`` or at the path's end (one lap of a closed path), and is truncated at
-    ``time_limit``.
+    ``time_limit``. Where a surrogate drives the simulation beyond what can be solved, it terminates with
+    ``info["diverged"]`` and the reward of standing at ``maximum_cross_track``, less the weight of progress.
 
     ## Info
 
-    ``force`` [Qx, Qy, Mz] of the last tick, ``backend`` that answered (of a guard: its primary's or fallback's name),
+    All of the last tick of the control period: ``force`` [Qx, Qy, Mz], ``backend`` that answered (of a guard: its primary's or fallback's name),
     ``cross_track_error`` in m, ``progress`` in m, ``reward_terms``; ``track_forces`` and ``sprocket_power`` (W) where
     the backend knows the tracks apart; ``ood_score`` and ``fallback_weight`` with a guard.
 
@@ -138,7 +140,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.config: Final = tracking_config(settings)
         self.vehicle: Final = resolve_vehicle(vehicle)
         self.path: Final = path if isinstance(path, Path) else make_path(path, self.vehicle)
-        self._ground: Ground = resolve_terrain(terrain) if isinstance(terrain, str) else terrain
+        self._ground: Ground = resolve_ground(terrain)
         built = make_backend(backend, mode=self._ground.mode, vehicle=self.vehicle, **(backend_options or {}))
         self.simulator: Final = Simulator(
             self.vehicle, built, self._ground, tick=self.config.tick, integrator=self.config.integrator
@@ -168,6 +170,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         chosen = check_reset_options(options or {})
+        self._check_reach(chosen)
         lateral, heading, share, along = self.np_random.uniform(-1.0, 1.0, size=4)
         lateral = chosen.get("lateral_offset", self.config.lateral_spread * lateral)
         heading = chosen.get("heading_offset", self.config.heading_spread * heading)
@@ -184,10 +187,10 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             heading=direction + float(heading),
         )
         state = chosen.get("state", drawn)
-        self.simulator.set_ground(resolve_terrain(chosen["terrain"]) if "terrain" in chosen else self._ground)
+        self.simulator.set_ground(resolve_ground(chosen.get("terrain", self._ground)))
         self.simulator.set_state(replace(state, time=0.0))
         near = None if "state" in chosen else arc_length
-        self._foot = self.path.project(state.x, state.y, near=near)
+        self._foot = self.path.project(state.x, state.y, near=near, heading=state.heading)
         self._start = self._foot.arc_length
         self._step_count = 0
         self._action = np.zeros(2)
@@ -197,6 +200,12 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self.render()
         return self._observation(), {"cross_track_error": self._foot.cross_track, "progress": 0.0}
 
+    def _check_reach(self, options: ResetOptions) -> None:
+        require_in("reset option speed", options.get("speed", 0.0), *[w * self.vehicle.maximum_speed for w in (-1, 1)])
+        reach = self.config.maximum_cross_track
+        require_in("reset option lateral_offset", options.get("lateral_offset", 0.0), -reach, reach)
+        require_in("reset option arc_length", options.get("arc_length", 0.0), 0.0, self.path.length)
+
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action for one control period.
 
@@ -204,15 +213,16 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         ------
         InvalidInputError
             If the action is not two numbers in [-1, 1].
-        SimulationDivergedError
-            If a tick was not solved.
         """
         checked = np.asarray(action, dtype=np.float64)
         if checked.shape != (2,) or not np.all(np.abs(checked) <= 1.0):
             raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
         command = belt_command(checked, self.vehicle, self.config)
-        for _ in range(self._ticks):
-            record = self.simulator.step(command)
+        try:
+            for _ in range(self._ticks):
+                record = self.simulator.step(command)
+        except SimulationDivergedError:
+            return self._diverged(checked)
         foot = self.path.project(record.state.x, record.state.y, near=self._foot.arc_length)
         terms = self._reward_terms(checked, foot, record)
         self._foot, self._action = foot, checked
@@ -225,6 +235,16 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self.render()
         info = self._info(record) | {"reward_terms": terms, "progress": progress}
         return self._observation(), sum(terms.values()), terminated, truncated, info
+
+    def _diverged(self, action: FloatArray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """End the episode where the last solved tick left the vehicle: one bad episode must not end a training."""
+        self._action = action
+        self._step_count += 1
+        state = self.simulator.get_state()
+        self._foot = self.path.project(state.x, state.y, near=self._foot.arc_length)
+        info = {"diverged": True, "cross_track_error": self._foot.cross_track}
+        worst = self.config.cross_track_weight * (self.config.maximum_cross_track / 2.0) ** 2
+        return self._observation(), -self.config.progress_weight - worst, True, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Show the vehicle from above: an image (height, width, 3), or a window."""
@@ -267,11 +287,16 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _slip_power(self, record: TickRecord) -> float:
         """Return VtL F_L + VtR F_R − (Qx Vx + Qy Vy + Mz ω) of the shear forces, in W."""
-        row = record.row.copy()
-        row[self._slip_block.interface.index("fr")] = 0.0
+        row = self._without_rolling(record.row)
         tracks = self._slip_block.track_forces(row, row)[0]
         belt_power = float(row[5:7] @ tracks[:, 0])
         return belt_power - float(row[:3] @ tracks.sum(axis=0))
+
+    def _without_rolling(self, row: FloatArray) -> FloatArray:
+        """Return a row with f_r = 0: rolling resistance acts on the body, and belts turn against the shear alone."""
+        shear = row.copy()
+        shear[self._slip_block.interface.index("fr")] = 0.0
+        return shear
 
     def _info(self, record: TickRecord) -> dict[str, Any]:
         backend = self.simulator.backend
@@ -281,8 +306,11 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             "cross_track_error": self._foot.cross_track,
         }
         if backend.has_track_forces:
-            tracks = backend.track_forces(record.row, record.row)[0]
-            info |= {"track_forces": tracks, "sprocket_power": float(record.row[5:7] @ tracks[:, 0])}
+            shear = backend.track_forces(*[self._without_rolling(record.row)] * 2)[0]
+            info |= {
+                "track_forces": backend.track_forces(record.row, record.row)[0],
+                "sprocket_power": float(record.row[5:7] @ shear[:, 0]),
+            }
         if isinstance(backend, GuardedBackend) and record.detection is not None:
             guard = record.state.guard
             active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback

@@ -20,9 +20,10 @@ from ..terrain import (
     ParameterRanges,
     TrackedVehicle,
     interface,
+    write_aside,
 )
 from .codec import decode, encode
-from .container import content_hash, pack, unpack, write_aside
+from .container import content_hash, pack, unpack
 from .detector import BoxMahalanobisDetector
 from .network import NUMPY_NETWORK, DenseNetwork, NetworkNamespace, casadi_network
 from .normalizer import Normalizer

@@ -25,7 +25,7 @@ Artifact = str | os.PathLike[str] | Surrogate | None
 class _SurrogateBackend(ForceBackend):
     """What both evaluations of an artifact share: float32 between float64 columns and forces."""
 
-    resolution: ClassVar[float] = float(np.finfo(np.float32).eps)
+    resolution = float(np.finfo(np.float32).eps)
     surrogate: Surrogate
 
     def __reduce__(self) -> tuple[Any, ...]:

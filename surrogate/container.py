@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import threading
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -91,18 +88,6 @@ def unpack(data: bytes, source: str, newest_version: int) -> tuple[Tensors, dict
             f"{str(stored)[:12]}; take a fresh copy or train it again"
         )
     return tensors, metadata
-
-
-def write_aside(target: Path, data: bytes) -> Path:
-    """Write a file beside its place, then rename it there; return ``target``."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    aside = target.with_name(f".{target.name}.{os.getpid()}-{threading.get_ident()}")
-    try:
-        aside.write_bytes(data)
-        aside.replace(target)
-    finally:
-        aside.unlink(missing_ok=True)
-    return target
 
 
 def _to_json(metadata: dict[str, Any]) -> str:

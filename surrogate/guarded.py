@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any, ClassVar, Final, Literal
 
-from ..terrain import GuardedBackend, Mode, PhysicsBackend, SwitchingPolicy, TrackedVehicle, unknown_name
+from ..terrain import (
+    GuardedBackend,
+    Mode,
+    PhysicsBackend,
+    SwitchingPolicy,
+    TrackedVehicle,
+    physics_options,
+    unknown_name,
+)
 from .artifact import Surrogate
 from .backends import Artifact, NativeSurrogate, TorchSurrogate
 
@@ -28,7 +36,8 @@ class GuardedSurrogate(GuardedBackend):
     policy : SwitchingPolicy, optional
         Entry, hysteresis, dwell, blend.
     **fallback
-        Options of :class:`~grouser.terrain.PhysicsBackend`, such as ``cells`` and ``contact``.
+        Options of :class:`~grouser.terrain.PhysicsBackend`, such as ``cells`` and ``contact``; those of the artifact's
+        teacher by default.
 
     Raises
     ------
@@ -54,7 +63,7 @@ class GuardedSurrogate(GuardedBackend):
         surrogate = Surrogate.resolve(vehicle, mode, artifact)
         super().__init__(
             _PRIMARIES[primary](vehicle, mode, surrogate),
-            PhysicsBackend(vehicle, mode, **fallback),
+            PhysicsBackend(vehicle, mode, **physics_options(surrogate.recipe.get("teacher", {})) | fallback),
             surrogate.detector,
             policy,
         )

@@ -198,7 +198,11 @@ class DenseNetwork:
                 raise InvalidInputError(
                     f"expected Linear, Dropout, {', '.join(ACTIVATIONS)}; got {type(part).__name__}"
                 )
-        if len(set(found)) > 1 or len(found) != max(len(weights) - 1, 0):
+        layout = [
+            isinstance(part, torch.nn.Linear) for part in module.children() if not isinstance(part, torch.nn.Dropout)
+        ]
+        alternates = layout == [index % 2 == 0 for index in range(len(layout))] and len(layout) % 2 == 1
+        if len(set(found)) > 1 or not alternates:
             raise InvalidInputError(
                 f"expected one kind of activation between layers, got {len(weights)} layers, {found}"
             )

@@ -12,7 +12,8 @@ from .errors import (
     missing_extra,
     unknown_name,
 )
-from .ground import Ground, SteppedTerrain
+from .files import write_aside, write_json
+from .ground import Ground, SteppedTerrain, resolve_ground
 from .guard import BlendedForces, Detection, Detector, GuardedBackend, GuardMode, GuardState, SwitchingPolicy
 from .interface import (
     MODES,
@@ -41,7 +42,7 @@ from .parameters import (
     parameter_ranges,
     terrain_from_mapping,
 )
-from .physics import PhysicsBackend
+from .physics import PhysicsBackend, physics_options
 from .registry import backend_names, make_backend, register_backend
 from .vehicle import GRAVITY, TrackedVehicle, resolve_vehicle, vehicle_names
 
@@ -98,8 +99,10 @@ __all__ = [
     "missing_extra",
     "named",
     "parameter_ranges",
+    "physics_options",
     "reference_forces",
     "register_backend",
+    "resolve_ground",
     "resolve_terrain",
     "resolve_vehicle",
     "reverse_forces",
@@ -108,4 +111,6 @@ __all__ = [
     "torch_namespace",
     "unknown_name",
     "vehicle_names",
+    "write_aside",
+    "write_json",
 ]

@@ -32,7 +32,7 @@ class ForceBackend(ABC):
     #: Whether :meth:`track_forces` is available.
     has_track_forces: ClassVar[bool] = False
     #: Smallest change of force that the arithmetic resolves, relative to the force. Solvers do not ask for more.
-    resolution: ClassVar[float] = float(np.finfo(np.float64).eps)
+    resolution: float = float(np.finfo(np.float64).eps)
 
     def __init__(self, vehicle: TrackedVehicle, mode: Mode) -> None:
         self.vehicle: Final = vehicle

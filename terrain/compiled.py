@@ -46,33 +46,41 @@ class CompiledBackend(ForceBackend):
 
     def forces(self, x: FloatArray) -> FloatArray:
         """Return [Qx, Qy, Mz], shape (3,) or (n, 3); see :meth:`ForceBackend.forces`."""
-        if not self._fits(x):
-            x = self.interface.check(x)
+        x = self._kernel_input(x)
         out = np.empty((*x.shape[:-1], 3))
         try:
             self._kernel.forces(x, out)
         except ValueError as error:
-            self._kernel.forces(self._corrected(x, error), out)
+            raise self._refusal(x, error) from error
         return out
 
     def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return forces and the analytic ∂Q/∂x over every column."""
-        if not self._fits(x):
-            x = self.interface.check(x)
+        x = self._kernel_input(x)
         out = np.empty((*x.shape[:-1], 3))
         jacobian = np.empty((*x.shape[:-1], 3, self.interface.size))
         try:
             self._kernel.forces_and_jacobian(x, out, jacobian)
         except ValueError as error:
-            self._kernel.forces_and_jacobian(self._corrected(x, error), out, jacobian)
+            raise self._refusal(x, error) from error
         return out, jacobian
 
-    def _fits(self, x: Any) -> bool:
-        return isinstance(x, np.ndarray) and 1 <= x.ndim <= 2 and x.shape[-1] == self.interface.size
+    def _kernel_input(self, x: Any) -> FloatArray:
+        """Return ``x`` itself where its type and layout are the kernel's, else a checked copy."""
+        fits = (
+            isinstance(x, np.ndarray)
+            and 1 <= x.ndim <= 2
+            and x.shape[-1] == self.interface.size
+            and x.dtype == np.float64
+            and x.flags.c_contiguous
+            and x.flags.aligned
+        )
+        return x if fits else self.interface.check(x)
 
-    def _corrected(self, x: FloatArray, error: ValueError) -> FloatArray:
-        """Convert an input whose layout or type the kernel refused, or say what is wrong with its values."""
-        checked = self.interface.check(x)
-        if checked is x:
-            raise InvalidInputError(f"{error}{'; ' if self._domain else ''}{self._domain}") from error
-        return checked
+    def _refusal(self, x: FloatArray, error: ValueError) -> InvalidInputError:
+        """Return what is wrong with values that the kernel refused."""
+        try:
+            self.interface.check(x)
+        except InvalidInputError as named:
+            return named
+        return InvalidInputError(f"{error}{'; ' if self._domain else ''}{self._domain}")

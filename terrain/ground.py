@@ -8,6 +8,7 @@ from typing import Protocol
 
 from .errors import ConfigurationError, InvalidInputError
 from .interface import FloatArray, Mode
+from .named import named
 from .parameters import Terrain
 
 
@@ -61,3 +62,16 @@ class SteppedTerrain:
     def parameters_at(self, x: float, y: float) -> FloatArray:
         """Return θ of the side that (x, y) lies on."""
         return (self.before if x < self.boundary else self.beyond).parameters
+
+
+def resolve_ground(ground: str | Ground) -> Ground:
+    """Return a ground given by name or as itself.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is neither.
+    """
+    if not isinstance(ground, str) and hasattr(ground, "mode") and hasattr(ground, "parameters_at"):
+        return ground
+    return named(str(ground))

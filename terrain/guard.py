@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar, Final, Protocol
@@ -136,6 +137,9 @@ class SwitchingPolicy:
         return GuardState(mode, dwell, calm, flags, weight)
 
 
+_Evaluation = Callable[[ForceBackend, FloatArray], tuple[FloatArray, ...]]
+
+
 class GuardedBackend(ForceBackend):
     """A surrogate that hands over to another backend where it was not trained.
 
@@ -177,7 +181,7 @@ class GuardedBackend(ForceBackend):
         self.fallback: Final = fallback
         self.detector: Final = detector
         self.policy: Final = policy or SwitchingPolicy()
-        self.resolution = max(primary.resolution, fallback.resolution)  # type: ignore[misc]
+        self.resolution = max(primary.resolution, fallback.resolution)
 
     def ood_score(self, x: FloatArray) -> FloatArray:
         """Return the detector's score of each row, shape (n,); above 1 is out of distribution."""
@@ -188,31 +192,36 @@ class GuardedBackend(ForceBackend):
         return ~(self.ood_score(x) <= 1.0)
 
     def forces(self, x: FloatArray) -> FloatArray:
-        """Return the primary's forces where the row is in distribution, else the fallback's."""
-        x = self.interface.check(x)
-        if x.ndim == 1:
-            return self._answering(x).forces(x)
-        outside = self.out_of_distribution(x)
-        out = np.empty((len(x), 3))
-        for backend, chosen in ((self.primary, ~outside), (self.fallback, outside)):
-            if chosen.any():
-                out[chosen] = backend.forces(x[chosen])
-        return out
+        """Return the primary's forces where the row is in distribution and they are finite, else the fallback's."""
+        return self._gate(self.interface.check(x), lambda backend, rows: (backend.forces(rows),))[0]
 
     def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return forces and ∂Q/∂x of the backend that each row goes to."""
-        x = self.interface.check(x)
-        if x.ndim == 1:
-            return self._answering(x).forces_and_jacobian(x)
-        outside = self.out_of_distribution(x)
-        out, jacobian = np.empty((len(x), 3)), np.empty((len(x), 3, self.interface.size))
-        for backend, chosen in ((self.primary, ~outside), (self.fallback, outside)):
-            if chosen.any():
-                out[chosen], jacobian[chosen] = backend.forces_and_jacobian(x[chosen])
-        return out, jacobian
+        forces, jacobian = self._gate(self.interface.check(x), lambda backend, rows: backend.forces_and_jacobian(rows))
+        return forces, jacobian
 
-    def _answering(self, row: FloatArray) -> ForceBackend:
-        return self.fallback if self.detector.detect(row).out_of_distribution else self.primary
+    def _gate(self, x: FloatArray, evaluate: _Evaluation) -> tuple[FloatArray, ...]:
+        """Evaluate the primary, and the fallback where the detector or a primary that fails calls for it."""
+        if x.ndim == 1:
+            outside = self.detector.detect(x).out_of_distribution
+            answer = None if outside else _attempt(evaluate, self.primary, x)
+            return answer if answer is not None and _finite(answer) else evaluate(self.fallback, x)
+        to_fallback = self.out_of_distribution(x)
+        answers = tuple(np.empty((len(x), *part.shape[1:])) for part in evaluate(self.fallback, x[:0]))
+        inside = np.flatnonzero(~to_fallback)
+        if len(inside):
+            parts = _attempt(evaluate, self.primary, x[inside])
+            if parts is None:
+                to_fallback[:] = True
+            else:
+                bad = ~np.all([np.isfinite(part).reshape(len(part), -1).all(axis=1) for part in parts], axis=0)
+                to_fallback[inside[bad]] = True
+                for answer_part, part in zip(answers, parts, strict=True):
+                    answer_part[inside] = part
+        if to_fallback.any():
+            for answer_part, part in zip(answers, evaluate(self.fallback, x[to_fallback]), strict=True):
+                answer_part[to_fallback] = part
+        return answers
 
     def blended_forces_and_jacobian(self, x: FloatArray, fallback_weight: float) -> tuple[FloatArray, FloatArray]:
         """Return (1 − w)·primary + w·fallback; a primary output that is not finite counts for nothing.
@@ -252,16 +261,27 @@ class BlendedForces:
         w, backend = self._weight, self._backend
         if w >= 1.0:
             return backend.fallback.forces_and_jacobian(x)
-        primary = backend.primary.forces_and_jacobian(x)
-        if not _finite(primary):
+        primary = _attempt(_forces_and_jacobian, backend.primary, x)
+        if primary is None or not _finite(primary):
             self.primary_failed = True
             return backend.fallback.forces_and_jacobian(x)
         if w <= 0.0:
-            return primary
+            return primary[0], primary[1]
         fallback = backend.fallback.forces_and_jacobian(x)
         return (1 - w) * primary[0] + w * fallback[0], (1 - w) * primary[1] + w * fallback[1]
 
 
-def _finite(forces_and_jacobian: tuple[FloatArray, FloatArray]) -> bool:
-    forces, jacobian = forces_and_jacobian
-    return bool(np.isfinite(forces).all() and np.isfinite(jacobian).all())
+def _forces_and_jacobian(backend: ForceBackend, rows: FloatArray) -> tuple[FloatArray, ...]:
+    return backend.forces_and_jacobian(rows)
+
+
+def _attempt(evaluate: _Evaluation, backend: ForceBackend, rows: FloatArray) -> tuple[FloatArray, ...] | None:
+    """Evaluate a backend that may refuse what a solver's trial step asks of it."""
+    try:
+        return evaluate(backend, rows)
+    except InvalidInputError:
+        return None
+
+
+def _finite(parts: tuple[FloatArray, ...]) -> bool:
+    return all(bool(np.isfinite(part).all()) for part in parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -104,6 +105,12 @@ class PhysicsBackend(CompiledBackend):
             "contact": self.grid.contact,
             "soft_speed": self.soft_speed,
         }
+
+
+def physics_options(description: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options that build the physics backend of a :meth:`PhysicsBackend.describe` again."""
+    options = {name: description[name] for name in ("contact", "soft_speed") if name in description}
+    return options | ({"cells": tuple(description["cells"])} if "cells" in description else {})
 
 
 def _rebuild(

@@ -247,6 +247,7 @@ static void integrate_track(const grouser_physics *block, const double *row, dou
       const double from_middle = (i - (block->wheels - 1) / 2.0) * length;
       m.center = block->contact_center + from_middle;
       m.reach = continuous ? from_middle : 0.0;
+      /* Forces come from their own pass, so that they have the same bits with and without slopes. */
       add_forces(&m, &strip, &sums[i]);
       if (want_slopes) add_slopes(&m, &strip, &sums[i]);
     }

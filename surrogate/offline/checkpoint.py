@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from ...terrain import ArtifactError
-from ..container import pack, unpack, write_aside
+from ...terrain import ArtifactError, write_aside
+from ..container import pack, unpack
 
 FORMAT_VERSION: Final = 1
 _PROGRESS: Final = ("rate", "epoch", "stale", "flat", "best_loss")

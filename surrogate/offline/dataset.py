@@ -23,6 +23,7 @@ from ...terrain import (
     TrackedVehicle,
     interface,
     missing_extra,
+    write_json,
 )
 
 FORMAT_VERSION: Final = 1
@@ -166,13 +167,6 @@ def hash_dataset(manifest: Manifest, runs: Iterable[Run]) -> str:
         digest.update(np.ascontiguousarray(run.inputs, dtype="<f8").tobytes())
         digest.update(np.ascontiguousarray(run.forces, dtype="<f8").tobytes())
     return digest.hexdigest()
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write JSON aside and rename it, so that no half file ever has the final name."""
-    aside = path.with_name(path.name + ".part")
-    aside.write_text(json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n", encoding="utf-8")
-    os.replace(aside, path)
 
 
 def write_run(path: Path, run: Run) -> None:

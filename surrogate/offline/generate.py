@@ -24,6 +24,7 @@ from ...terrain import (
     parameter_ranges,
     resolve_vehicle,
     unknown_name,
+    write_json,
 )
 from .dataset import (
     MANIFEST_NAME,
@@ -34,7 +35,6 @@ from .dataset import (
     parse_manifest,
     read_manifest,
     write_dataset,
-    write_json,
     write_run,
 )
 from .maneuvers import MANEUVERS, draw_maneuver

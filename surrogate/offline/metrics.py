@@ -27,8 +27,15 @@ class OutputMetrics:
     max_abs: float
 
 
-def output_metrics(predicted: FloatArray, truth: FloatArray) -> OutputMetrics:
-    """Compare one output, both arrays of shape (n,).
+def output_metrics(predicted: FloatArray, truth: FloatArray, *, noise: float = 0.0) -> OutputMetrics:
+    """Compare one output.
+
+    Parameters
+    ----------
+    predicted, truth : ndarray, shape (n,)
+        In the unit of the output.
+    noise : float
+        Standard deviation of the truth, in that unit, up to which it counts as not varying: R² is then None.
 
     Raises
     ------
@@ -39,7 +46,7 @@ def output_metrics(predicted: FloatArray, truth: FloatArray) -> OutputMetrics:
         raise InvalidInputError(f"expected two arrays of one shape (n,), got {predicted.shape} and {truth.shape}")
     error = predicted - truth
     spread, scale = float(np.var(truth)), float(np.max(np.abs(truth)))
-    varies = spread > (_MINIMUM_RELATIVE_SPREAD * scale) ** 2
+    varies = spread > max(noise, _MINIMUM_RELATIVE_SPREAD * scale) ** 2
     return OutputMetrics(
         rmse=float(np.sqrt(np.mean(error**2))),
         mae=float(np.mean(np.abs(error))),

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from ...terrain import FloatArray, ForceBackend, make_backend
+from ...terrain import FloatArray, ForceBackend, make_backend, physics_options
 from .dataset import Dataset
 
 #: Limits of the log-uniform spread of the perturbation, in m/s.
@@ -21,13 +21,11 @@ LARGEST_SPREAD: Final = 1.0
 
 def teacher_of(dataset: Dataset) -> ForceBackend:
     """Return the backend that a dataset's forces came from."""
-    options = {
-        name: value for name, value in dataset.manifest.backend.items() if name in ("cells", "contact", "soft_speed")
-    }
-    if "cells" in options:
-        options["cells"] = tuple(options["cells"])
     return make_backend(
-        dataset.manifest.backend["backend"], mode=dataset.manifest.mode, vehicle=dataset.vehicle, **options
+        dataset.manifest.backend["backend"],
+        mode=dataset.manifest.mode,
+        vehicle=dataset.vehicle,
+        **physics_options(dataset.manifest.backend),
     )
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +16,6 @@ from ...terrain import (
     FloatArray,
     InvalidInputError,
     mirror_forces,
-    missing_extra,
     parameter_ranges,
     reverse_forces,
 )
@@ -25,6 +23,7 @@ from ..artifact import SUFFIX, Surrogate
 from ..detector import BoxMahalanobisDetector
 from ..network import ACTIVATIONS, Activation, DenseNetwork, random_network, torch_module
 from ..normalizer import Normalizer
+from ..threads import torch_threads
 from .checkpoint import TrainingState, load_checkpoint, save_checkpoint
 from .dataset import Dataset
 from .metrics import force_metrics, metrics_to_dict
@@ -163,7 +162,17 @@ Report = Callable[[EpochReport], None]
 
 @dataclass(frozen=True, eq=False)
 class TrainingResult:
-    """A trained surrogate with what it was judged on."""
+    """A trained surrogate with what it was judged on.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        As it was saved.
+    split : RunSplit
+        Runs by side.
+    history : tuple of EpochReport
+        Epochs of this call; those before an interruption were reported then.
+    """
 
     surrogate: Surrogate
     split: RunSplit
@@ -206,7 +215,7 @@ def train_surrogate(
     train, validation, test = (dataset.select(side) for side in (split.train, split.validation, split.test))
     inputs, forces = _training_rows(train, config)
     input_normalizer, output_normalizer = Normalizer.fit(inputs), Normalizer.fit(forces)
-    with _torch_threads(threads):
+    with torch_threads(threads):
         network, history = _optimize(
             config,
             [
@@ -345,17 +354,3 @@ def _initial_module(widths: tuple[int, ...], config: TrainingConfig) -> Any:
         if not isinstance(part, torch.nn.Linear):
             parts.append(torch.nn.Dropout(config.dropout))
     return torch.nn.Sequential(*parts)
-
-
-@contextmanager
-def _torch_threads(count: int) -> Iterator[None]:
-    try:
-        import torch
-    except ImportError as error:
-        raise missing_extra("torch", "torch") from error
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
