@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Mapping
 from types import TracebackType
@@ -12,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
 # A pipe has no width of its own, and 80 columns would wrap the tables that someone wants to keep.
-_PIPE_WIDTH: Final = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 132
+_PIPE_WIDTH: Final = None if sys.stdout.isatty() else 132
 
 out: Final = Console(width=_PIPE_WIDTH, highlight=False)
 err: Final = Console(stderr=True, highlight=False)

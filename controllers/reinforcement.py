@@ -144,6 +144,7 @@ def train_policy(
         {
             **asdict(config),
             "backend": task.simulator.backend.describe(),
+            "path": task.path.name,
             "environment": {key: value for key, value in environment.items() if key != "backend_options"},
         },
     )

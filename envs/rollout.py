@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from ..terrain import InvalidInputError, SimulationDivergedError
+from ..terrain import ConfigurationError, InvalidInputError, SimulationDivergedError
 from .log import InterfaceLog, LogRecorder
 from .simulator import Simulator
 from .state import Driver, VehicleState
@@ -63,7 +63,9 @@ def rollout(
     Raises
     ------
     InvalidInputError
-        If the periods do not divide, or the driver's period is another.
+        If the periods do not divide.
+    ConfigurationError
+        If the driver's period is another.
     SimulationDivergedError
         If a tick was not solved; its ``log`` holds the drive up to there.
     """
@@ -71,8 +73,8 @@ def rollout(
     hold = whole_ratio(control_period, simulator.tick, "control period and tick")
     period = getattr(driver, "period", None)
     if period is not None and abs(period - control_period) > 1e-9:
-        raise InvalidInputError(
-            f"this driver moves on by {period:g} s a command, got a control period of {control_period:g} s"
+        raise ConfigurationError(
+            f"this driver moves on by {period:g} s a command, got {control_period:g} s: use the same control period"
         )
     recorder = LogRecorder(simulator)
     driver.reset()

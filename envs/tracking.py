@@ -204,7 +204,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         require_in("reset option speed", options.get("speed", 0.0), *[w * self.vehicle.maximum_speed for w in (-1, 1)])
         reach = self.config.maximum_cross_track
         require_in("reset option lateral_offset", options.get("lateral_offset", 0.0), -reach, reach)
-        require_in("reset option arc_length", options.get("arc_length", 0.0), 0.0, self.path.length)
+        require_in("reset option arc_length", options.get("arc_length", 0.0), -self.path.length, self.path.length)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action for one control period.

@@ -1,14 +1,14 @@
 """The demonstration in small: the drives are cut short here, everything else is what ``--quick`` does."""
 
 import json
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from grouser.cli.demo import full_config
-from grouser.controllers import Scenario, demonstration, without_times
+from grouser.cli.demo import full_config, quick_config
+from grouser.controllers import without_times
 from grouser.controllers.demonstration import DemoConfig
 
 #: What design.md promises of a row.
@@ -24,8 +24,9 @@ MADE = (
 
 
 def _demo(call: Any, folder: Path) -> str:
+    # Untrained policies would use the whole time limit.
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(demonstration, "Scenario", partial(Scenario, time_limit=1.0))
+        patch.setattr("grouser.cli.demo.quick_config", lambda seed: replace(quick_config(seed), time_limit=1.0))
         return str(call("demo", "--quick", "--workers", 1, "--output", folder).out)
 
 

@@ -18,6 +18,7 @@ from grouser.controllers import (
     MPCConfig,
     PathTrackingMPC,
     PurePursuit,
+    PurePursuitConfig,
     Scenario,
     SlipParameters,
     Solution,
@@ -536,11 +537,19 @@ def test_every_drive_gets_a_fresh_driver() -> None:
 
 @pytest.mark.parametrize("period", [0.05, 0.2])
 def test_commands_hold_for_the_control_period(period: float) -> None:
-    (drive,) = compare([scenario(BEND, time_limit=1.0)], ["physics"], control_period=period)
+    pursuit: dict[str, Callable[[], Driver]] = {
+        "pursuit": lambda: PurePursuit(BEND, M113, 5.0, config=PurePursuitConfig(period=period))
+    }
+    (drive,) = compare([scenario(BEND, drivers=pursuit, time_limit=1.0)], ["physics"], control_period=period)
     ticks = round(period / 0.01)
     held = drive.log.commands.reshape(-1, ticks, 2)
     assert np.array_equal(held, np.repeat(held[:, :1], ticks, axis=1))
     assert len(np.unique(held[:, 0], axis=0)) == len(held)
+
+
+def test_a_driver_of_another_period_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="control period"):
+        compare([scenario(BEND, time_limit=1.0)], ["physics"], control_period=0.2)
 
 
 def test_late_commands_are_counted_and_change_nothing() -> None:
@@ -555,6 +564,7 @@ def test_late_commands_are_counted_and_change_nothing() -> None:
 
 def test_a_force_call_takes_time(bent: dict[str, Drive]) -> None:
     for drive in bent.values():
+        assert drive.row.force_call_ns is not None
         assert 0 < drive.row.force_call_ns < math.inf
 
 
