@@ -68,8 +68,11 @@ def main() -> None:
     rows = np.array([simulator.step(BeltCommand(4 + np.sin(i / 30), 4 - np.sin(i / 30))).row for i in range(CALLS)])
     functions = contenders(vehicle, rows)
     times: dict[str, list[float]] = {name: [] for name in functions}
-    for _ in range(ROUNDS):
-        for name, function in functions.items():
+    names = list(functions)
+    for turn in range(ROUNDS):
+        # Each round starts with another contender, so that none always follows the same one.
+        for name in [*names[turn % len(names) :], *names[: turn % len(names)]]:
+            function = functions[name]
             began = perf_counter()
             function()
             times[name].append((perf_counter() - began) / CALLS * 1e9)

@@ -61,6 +61,8 @@ def overlay_plot(scenario: Scenario, controller: str, drives: Sequence[Drive]) -
             axes[5].axhline(1.0, color="0.5", linewidth=0.8)
             axes[5].set_yscale("log")
             axes[5].legend(loc="upper right", fontsize=8, ncols=2)
+    low, high = axes[0].get_ylim()
+    axes[0].set_ylim(low, high + 0.25 * (high - low))
     axes[0].set(title=f"{scenario.name}: {controller} on {scenario.terrain}", xlabel="x (m)", ylabel="y (m)")
     if isinstance(scenario.ground, SteppedTerrain):
         axes[0].axvline(scenario.ground.boundary, color="0.4", linewidth=1.0, linestyle=":", label="ground changes")

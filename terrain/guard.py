@@ -193,21 +193,27 @@ class GuardedBackend(ForceBackend):
 
     def forces(self, x: FloatArray) -> FloatArray:
         """Return the primary's forces where the row is in distribution and they are finite, else the fallback's."""
-        return self._gate(self.interface.check(x), lambda backend, rows: (backend.forces(rows),))[0]
+        return self._gate(self.interface.check(x), lambda backend, rows: (backend.forces(rows),), ((3,),))[0]
 
     def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return forces and ∂Q/∂x of the backend that each row goes to."""
-        forces, jacobian = self._gate(self.interface.check(x), lambda backend, rows: backend.forces_and_jacobian(rows))
+        shapes = ((3,), (3, self.interface.size))
+        forces, jacobian = self._gate(self.interface.check(x), _forces_and_jacobian, shapes)
         return forces, jacobian
 
-    def _gate(self, x: FloatArray, evaluate: _Evaluation) -> tuple[FloatArray, ...]:
-        """Evaluate the primary, and the fallback where the detector or a primary that fails calls for it."""
+    def _gate(
+        self, x: FloatArray, evaluate: _Evaluation, shapes: tuple[tuple[int, ...], ...]
+    ) -> tuple[FloatArray, ...]:
+        """Evaluate the primary, and the fallback where the detector or a primary that fails calls for it.
+
+        ``shapes`` are those of the evaluation's parts for one row.
+        """
         if x.ndim == 1:
             outside = self.detector.detect(x).out_of_distribution
             answer = None if outside else _attempt(evaluate, self.primary, x)
             return answer if answer is not None and _finite(answer) else evaluate(self.fallback, x)
         to_fallback = self.out_of_distribution(x)
-        answers = tuple(np.empty((len(x), *part.shape[1:])) for part in evaluate(self.fallback, x[:0]))
+        answers = tuple(np.empty((len(x), *shape)) for shape in shapes)
         inside = np.flatnonzero(~to_fallback)
         if len(inside):
             parts = _attempt(evaluate, self.primary, x[inside])
