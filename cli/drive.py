@@ -44,6 +44,8 @@ def drive(
     The summary holds time, distance from the path, what the guard did where there is one, and the solver's statistics
     where the controller solves. --render shows the drive from above once it is over; --log keeps it for NumPy.
     """
+    from ..controllers.comparison import MAXIMUM_CROSS_TRACK, path_driven_or_lost
+
     check_target(render)
     machine, ground = TrackedVehicle.preset(vehicle), named(terrain)
     track = make_path(path, machine)
@@ -59,7 +61,8 @@ def drive(
     diverged = None
     with one_torch_thread([backend]):
         try:
-            driven = rollout(simulator, driver, time_limit, control_period=_CONTROL_PERIOD, until=_at_end(track))
+            over = path_driven_or_lost(track, MAXIMUM_CROSS_TRACK)
+            driven = rollout(simulator, driver, time_limit, control_period=_CONTROL_PERIOD, until=over)
         except SimulationDivergedError as error:
             if not isinstance(error.log, InterfaceLog) or not len(error.log):
                 raise
@@ -73,22 +76,14 @@ def drive(
         raise diverged
 
 
-def _at_end(path: Path) -> Any:
-    near = 0.0
-
-    def at_end(state: VehicleState) -> bool:
-        nonlocal near
-        near = path.project(state.x, state.y, near=near).arc_length
-        return near >= path.length
-
-    return at_end
-
-
 def _summary(log: InterfaceLog, path: Path, vehicle: TrackedVehicle, driver: Driver) -> dict[str, str]:
+    from ..controllers.comparison import MAXIMUM_CROSS_TRACK
+
     arc_length, cross_track = path.follow(log.states[:, :2])
+    lost = ", then lost" if abs(cross_track[-1]) > MAXIMUM_CROSS_TRACK else ""
     share = min(1.0, max(0.0, float(arc_length[-1]) / path.length))
     facts = {
-        "driven": f"{log.state('time')[-1]:.2f} s, {100 * share:.0f} % of {path.name} ({path.length:.1f} m)",
+        "driven": f"{log.state('time')[-1]:.2f} s, {100 * share:.0f} % of {path.name} ({path.length:.1f} m){lost}",
         "cross-track": f"RMSE {math.sqrt(float(np.mean(cross_track**2))):.3f} m, max {abs(cross_track).max():.3f} m",
     }
     if path.corridor is not None:

@@ -26,6 +26,8 @@ from ..terrain import (
 #: Row fields that hold times; two equal comparisons differ in nothing else.
 TIME_FIELDS: Final = ("force_call_ns", "deadline_misses")
 REFERENCE_BACKEND: Final = "physics"
+#: Distance from the path in m at which a drive is given up.
+MAXIMUM_CROSS_TRACK: Final = 10.0
 _TIMED_CALLS: Final = 400
 _NOISE_SHARE: Final = 1e-6
 
@@ -70,7 +72,7 @@ class Scenario:
     drivers: Mapping[str, DriverFactory]
     backend_options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     time_limit: float = 60.0
-    maximum_cross_track: float = 10.0
+    maximum_cross_track: float = MAXIMUM_CROSS_TRACK
 
 
 @dataclass(frozen=True)
@@ -225,6 +227,19 @@ def _backend(scenario: Scenario, name: str) -> ForceBackend:
     return make_backend(name, mode=scenario.ground.mode, vehicle=scenario.vehicle, **options)
 
 
+def path_driven_or_lost(path: Path, maximum_cross_track: float) -> Callable[[VehicleState], bool]:
+    """Return what ends a drive: the path's end, or a distance from it in m at which it counts as lost."""
+    near = 0.0
+
+    def over(state: VehicleState) -> bool:
+        nonlocal near
+        foot = path.project(state.x, state.y, near=near)
+        near = foot.arc_length
+        return near >= path.length or abs(foot.cross_track) > maximum_cross_track
+
+    return over
+
+
 def start_state(scenario: Scenario, seed: int) -> VehicleState:
     """Return where a seed's drives start: rolling along the path, a little off it."""
     lateral, heading = np.random.default_rng(seed).uniform(-1.0, 1.0, size=2) * (0.1, 0.01)
@@ -251,14 +266,7 @@ def _drive(
     path, vehicle, backend = scenario.path, scenario.vehicle, backends[name]
     simulator = Simulator(vehicle, backend, scenario.ground, state=start_state(scenario, seed))
     timed = _Timed(driver, control_period)
-    near = 0.0
-
-    def over(state: VehicleState) -> bool:
-        nonlocal near
-        foot = path.project(state.x, state.y, near=near)
-        near = foot.arc_length
-        return near >= path.length or abs(foot.cross_track) > scenario.maximum_cross_track
-
+    over = path_driven_or_lost(path, scenario.maximum_cross_track)
     try:
         log = rollout(simulator, timed, scenario.time_limit, control_period=control_period, until=over)
     except SimulationDivergedError as error:
