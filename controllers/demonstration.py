@@ -15,7 +15,8 @@ from ..envs import Driver, Path, make_path
 from ..surrogate import Surrogate
 from ..surrogate.offline.dataset import load_dataset
 from ..surrogate.offline.generate import DataConfig, generate_dataset
-from ..surrogate.offline.training import EpochReport, TrainingConfig, train_surrogate
+from ..surrogate.offline.training import EpochReport, train_surrogate
+from ..surrogate.offline.training_config import TrainingConfig
 from ..surrogate.threads import torch_threads
 from ..terrain import (
     ArtifactError,

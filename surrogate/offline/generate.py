@@ -26,18 +26,9 @@ from ...terrain import (
     unknown_name,
     write_json,
 )
-from .dataset import (
-    MANIFEST_NAME,
-    Manifest,
-    Run,
-    RunRecord,
-    load_dataset,
-    parse_manifest,
-    read_manifest,
-    write_dataset,
-    write_run,
-)
+from .dataset import MANIFEST_NAME, Run, load_dataset, read_manifest, write_dataset, write_run
 from .maneuvers import MANEUVERS, draw_maneuver
+from .manifest import Manifest, RunRecord, parse_manifest
 
 PARTS_NAME: Final = "parts"
 PLAN_NAME: Final = "plan.json"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...terrain import OUTPUT_NAMES, FloatArray, InvalidInputError
-from .dataset import RunRecord
+from .manifest import RunRecord
 
 # Where an output hardly varies (straight motion has no Qy), R² compares noise with noise.
 _MINIMUM_RELATIVE_SPREAD: Final = 1e-6

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...terrain import InvalidInputError
-from .dataset import RunRecord
+from .manifest import RunRecord
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ import pytest
 
 from grouser.surrogate.offline.dataset import Dataset, load_dataset
 from grouser.surrogate.offline.generate import DataConfig, generate_dataset
-from grouser.surrogate.offline.training import TrainingConfig, TrainingResult, train_surrogate
+from grouser.surrogate.offline.training import TrainingResult, train_surrogate
+from grouser.surrogate.offline.training_config import TrainingConfig
 from grouser.terrain import MODES
 
 #: Each maneuver three times, the fewest that a split takes.

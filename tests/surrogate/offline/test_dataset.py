@@ -13,7 +13,6 @@ from pyarrow import parquet
 
 from grouser.surrogate.offline.dataset import (
     Dataset,
-    Manifest,
     Run,
     hash_dataset,
     load_dataset,
@@ -24,6 +23,7 @@ from grouser.surrogate.offline.dataset import (
 )
 from grouser.surrogate.offline.generate import DataConfig
 from grouser.surrogate.offline.maneuvers import MANEUVERS
+from grouser.surrogate.offline.manifest import Manifest
 from grouser.terrain import OUTPUT_NAMES, ArtifactError, TrackedVehicle, interface, parameter_ranges
 
 RUNS, SAMPLES = 18, 40

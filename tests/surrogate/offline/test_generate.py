@@ -16,8 +16,9 @@ from pyarrow import parquet
 
 from grouser.envs import INTEGRATORS
 from grouser.surrogate.offline import generate
-from grouser.surrogate.offline.dataset import Dataset, Manifest, load_dataset
+from grouser.surrogate.offline.dataset import Dataset, load_dataset
 from grouser.surrogate.offline.generate import DataConfig, generate_dataset, simulate_run
+from grouser.surrogate.offline.manifest import Manifest
 from grouser.terrain import (
     ArtifactError,
     ConfigurationError,

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from grouser.surrogate.offline.dataset import RunRecord
+from grouser.surrogate.offline.manifest import RunRecord
 from grouser.surrogate.offline.metrics import force_metrics, metrics_to_dict, output_metrics, worst_runs
 from grouser.terrain import OUTPUT_NAMES, InvalidInputError
 

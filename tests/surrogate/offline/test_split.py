@@ -5,8 +5,8 @@ from collections import Counter
 
 import pytest
 
-from grouser.surrogate.offline.dataset import RunRecord
 from grouser.surrogate.offline.maneuvers import MANEUVERS
+from grouser.surrogate.offline.manifest import RunRecord
 from grouser.surrogate.offline.split import RunSplit, split_runs
 from grouser.terrain import InvalidInputError
 

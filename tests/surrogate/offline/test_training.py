@@ -17,15 +17,10 @@ import torch
 from grouser.surrogate import NUMPY_NETWORK, DenseNetwork, Normalizer, Surrogate, random_network
 from grouser.surrogate.offline.dataset import Dataset
 from grouser.surrogate.offline.metrics import force_metrics, metrics_to_dict
+from grouser.surrogate.offline.preparation import whitening, with_symmetries
 from grouser.surrogate.offline.split import split_runs
-from grouser.surrogate.offline.training import (
-    EpochReport,
-    TrainingConfig,
-    TrainingResult,
-    train_surrogate,
-    whitening,
-    with_symmetries,
-)
+from grouser.surrogate.offline.training import EpochReport, TrainingResult, train_surrogate
+from grouser.surrogate.offline.training_config import TrainingConfig
 from grouser.terrain import (
     ArtifactError,
     FloatArray,
@@ -115,7 +110,8 @@ def test_another_process_gives_the_same_bytes(folders: dict[str, Path], trained:
     script = (
         "import sys\nfrom pathlib import Path\n"
         "from grouser.surrogate.offline.dataset import load_dataset\n"
-        "from grouser.surrogate.offline.training import TrainingConfig, train_surrogate\n"
+        "from grouser.surrogate.offline.training_config import TrainingConfig\n"
+        "from grouser.surrogate.offline.training import train_surrogate\n"
         "config = TrainingConfig(**__import__('json').loads(sys.argv[3]))\n"
         "train_surrogate(load_dataset(Path(sys.argv[1])), config, Path(sys.argv[2]))\n"
     )

@@ -1,0 +1,43 @@
+"""What a network is trained on: logged rows, rows beside them, their images, and whitened coordinates."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from ...terrain import FloatArray, mirror_forces, reverse_forces
+from .dataset import Dataset
+from .perturbation import perturbed_rows
+from .training_config import TrainingConfig
+
+# Below this share of a column's variance a direction is rounding, not data.
+_FLAT_VARIANCE: Final = 1e-8
+
+
+def training_rows(train: Dataset, config: TrainingConfig) -> tuple[FloatArray, FloatArray]:
+    """Return training runs' rows and forces, joined by what the recipe adds to them."""
+    generator = np.random.default_rng((config.seed, len(train.inputs)))
+    beside, beside_forces = perturbed_rows(train, config.perturbed_copies, generator)
+    inputs, forces = np.concatenate([train.inputs, beside]), np.concatenate([train.forces, beside_forces])
+    return with_symmetries(train, inputs, forces) if config.symmetries else (inputs, forces)
+
+
+def with_symmetries(dataset: Dataset, inputs: FloatArray, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return rows and forces joined by their mirror images and, with a centred CG, their fore-aft reversals."""
+    table = dataset.interface
+    inputs, forces = np.concatenate([inputs, table.mirror(inputs)]), np.concatenate([forces, mirror_forces(forces)])
+    if dataset.vehicle.cg_offset == 0:
+        inputs, forces = (
+            np.concatenate([inputs, table.reverse(inputs)]),
+            np.concatenate([forces, reverse_forces(forces)]),
+        )
+    return inputs, forces
+
+
+def whitening(z: FloatArray) -> FloatArray:
+    """Return the symmetric matrix that turns normalized rows (n, d) to unit covariance; flat directions stay."""
+    variance, directions = np.linalg.eigh(np.cov(z, rowvar=False))
+    gain = np.where(variance > _FLAT_VARIANCE, 1.0 / np.sqrt(np.maximum(variance, _FLAT_VARIANCE)), 1.0)
+    matrix: FloatArray = (directions * gain) @ directions.T
+    return matrix
