@@ -199,7 +199,8 @@ figcaption {{ color: #555; font-size: 13px; }}
 </tbody></table></div>
 <p>“End from physics” is the distance from the drive on physics when the shorter of the two ended; “command difference”
 is the RMS difference of the belt commands over the training speed; the R² hold each backend's forces against physics
-at the inputs that its own drive logged. Times ({times}) vary from run to run.</p>
+at the inputs that its own drive logged, where steady driving leaves little to explain and small errors weigh
+much. Times ({times}) vary from run to run.</p>
 <h2>Surrogates, R² on unseen runs</h2>
 <div class="scroll"><table><thead><tr><th>surrogate</th><th>Qx</th><th>Qy</th><th>Mz</th></tr></thead><tbody>
 {metrics}

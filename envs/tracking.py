@@ -150,6 +150,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.reference_speed: Final = reference_speed(self.vehicle, self.config)
         self._slip_block = PhysicsBackend(self.vehicle, built.mode, cells=_SLIP_POWER_CELLS)
         self.render_mode = render_mode
+        # Gymnasium widens render_mode to any string.
         self._draw_mode = render_mode
         self._renderer: Renderer | None = None
         self.metadata = self.metadata | {"render_fps": round(1 / self.config.control_period)}
@@ -201,10 +202,10 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observation(), {"cross_track_error": self._foot.cross_track, "progress": 0.0}
 
     def _check_reach(self, options: ResetOptions) -> None:
-        require_in("reset option speed", options.get("speed", 0.0), *[w * self.vehicle.maximum_speed for w in (-1, 1)])
-        reach = self.config.maximum_cross_track
-        require_in("reset option lateral_offset", options.get("lateral_offset", 0.0), -reach, reach)
-        require_in("reset option arc_length", options.get("arc_length", 0.0), -self.path.length, self.path.length)
+        fastest, widest, longest = self.vehicle.maximum_speed, self.config.maximum_cross_track, self.path.length
+        require_in("reset option speed", options.get("speed", 0.0), -fastest, fastest)
+        require_in("reset option lateral_offset", options.get("lateral_offset", 0.0), -widest, widest)
+        require_in("reset option arc_length", options.get("arc_length", 0.0), -longest, longest)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action for one control period.
@@ -253,7 +254,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             return None
         if self._renderer is None:
             self._renderer = Renderer(self.path, self.vehicle, self._draw_mode, fps=self.metadata["render_fps"])
-        return self._renderer.draw(self.simulator.get_state(), label=f"{self.simulator.backend.name}")
+        return self._renderer.draw(self.simulator.get_state(), label=self.simulator.backend.name)
 
     def close(self) -> None:
         """Close the window, if there is one."""
