@@ -121,63 +121,35 @@ static void mlp_dealloc(PyObject *self) {
   Py_DECREF(type);
 }
 
-static void evaluate(const grouser_mlp *net, const grouser_array *x, double *forces, double *jacobian) {
-  const int inputs = net->widths[0];
-  for (Py_ssize_t row = 0; row < x->rows; row++)
-    grouser_mlp_forces(net, x->data + row * inputs, forces + row * GROUSER_OUTPUTS,
-                       jacobian ? jacobian + row * GROUSER_OUTPUTS * inputs : NULL);
+static void evaluate(const void *net, const double *x, double *forces, double *jacobian) {
+  grouser_mlp_forces(net, x, forces, jacobian);
 }
 
-static int all_finite(const grouser_array *x, int inputs) {
-  for (Py_ssize_t n = 0; n < x->rows * inputs; n++)
-    if (!isfinite(x->data[n])) {
-      PyErr_Format(PyExc_ValueError, "row %zd: column %zd is not finite", n / inputs, n % inputs);
-      return 0;
-    }
-  return 1;
+static const char *refuses(const void *self, const double *x) {
+  static const char *const rigid[] = {GROUSER_RIGID_COLUMNS}, *const soil[] = {GROUSER_SOIL_COLUMNS};
+  const int inputs = ((const grouser_mlp *)self)->widths[0];
+  for (int n = 0; n < inputs; n++)
+    if (!isfinite(x[n])) return inputs == grouser_columns(GROUSER_RIGID) ? rigid[n] : soil[n];
+  return NULL;
 }
 
-static PyObject *run(mlp_object *self, PyObject *x_object, PyObject *forces_object, PyObject *jacobian_object) {
-  const grouser_mlp *net = &self->net;
-  const int inputs = net->widths[0];
-  grouser_array x, forces, jacobian = {.rows = 0};
-  PyObject *result = NULL;
-  if (grouser_array_acquire(x_object, "x", inputs, 0, &x) < 0) return NULL;
-  if (grouser_array_acquire(forces_object, "forces", GROUSER_OUTPUTS, 1, &forces) < 0) goto release_x;
-  if (jacobian_object &&
-      grouser_array_acquire(jacobian_object, "jacobian", GROUSER_OUTPUTS * inputs, 1, &jacobian) < 0)
-    goto release_forces;
-  if (forces.rows != x.rows || (jacobian_object && jacobian.rows != x.rows)) {
-    PyErr_Format(PyExc_ValueError, "forces and jacobian must have as many rows as x: %zd", x.rows);
-  } else if (all_finite(&x, inputs)) {
-    double *slopes = jacobian_object ? jacobian.data : NULL;
-    if (x.rows >= GROUSER_BATCH_ROWS) {
-      Py_BEGIN_ALLOW_THREADS
-      evaluate(net, &x, forces.data, slopes);
-      Py_END_ALLOW_THREADS
-    } else {
-      evaluate(net, &x, forces.data, slopes);
-    }
-    result = Py_NewRef(Py_None);
-  }
-  if (jacobian_object) grouser_array_release(&jacobian);
-release_forces:
-  grouser_array_release(&forces);
-release_x:
-  grouser_array_release(&x);
-  return result;
+static grouser_kernel kernel_of(PyObject *self) {
+  const grouser_mlp *net = &((mlp_object *)self)->net;
+  return (grouser_kernel){net, net->widths[0], evaluate, refuses};
 }
 
 static PyObject *mlp_forces(PyObject *self, PyObject *arguments) {
   PyObject *x, *forces;
   if (!PyArg_ParseTuple(arguments, "OO:forces", &x, &forces)) return NULL;
-  return run((mlp_object *)self, x, forces, NULL);
+  const grouser_kernel kernel = kernel_of(self);
+  return grouser_kernel_call(&kernel, x, forces, NULL);
 }
 
 static PyObject *mlp_forces_and_jacobian(PyObject *self, PyObject *arguments) {
   PyObject *x, *forces, *jacobian;
   if (!PyArg_ParseTuple(arguments, "OOO:forces_and_jacobian", &x, &forces, &jacobian)) return NULL;
-  return run((mlp_object *)self, x, forces, jacobian);
+  const grouser_kernel kernel = kernel_of(self);
+  return grouser_kernel_call(&kernel, x, forces, jacobian);
 }
 
 static PyMethodDef mlp_methods[] = {

@@ -41,71 +41,29 @@ static void physics_dealloc(PyObject *self) {
   Py_DECREF(type);
 }
 
-static int refuses(const grouser_physics *block, const grouser_array *x) {
-  const int columns = grouser_columns(block->mode);
-  for (Py_ssize_t row = 0; row < x->rows; row++) {
-    const char *name = grouser_physics_refuses(block, x->data + row * columns);
-    if (name) {
-      PyErr_Format(PyExc_ValueError, "row %zd: column %s is not finite, or out of the block's domain", row, name);
-      return 1;
-    }
-  }
-  return 0;
+static void evaluate(const void *block, const double *x, double *forces, double *jacobian) {
+  grouser_physics_forces(block, x, forces, jacobian);
 }
 
-static int same_rows(const grouser_array *a, const grouser_array *b, const char *what) {
-  if (a->rows == b->rows) return 1;
-  PyErr_Format(PyExc_ValueError, "%s must have as many rows as the input: %zd, got %zd", what, a->rows, b->rows);
-  return 0;
-}
+static const char *refuses(const void *block, const double *x) { return grouser_physics_refuses(block, x); }
 
-static void evaluate(const grouser_physics *block, const grouser_array *x, double *forces, double *jacobian) {
-  const int columns = grouser_columns(block->mode);
-  for (Py_ssize_t row = 0; row < x->rows; row++)
-    grouser_physics_forces(block, x->data + row * columns, forces + row * GROUSER_OUTPUTS,
-                           jacobian ? jacobian + row * GROUSER_OUTPUTS * columns : NULL);
-}
-
-static PyObject *run(physics_object *self, PyObject *x_object, PyObject *forces_object, PyObject *jacobian_object) {
-  const grouser_physics *block = &self->block;
-  const int columns = grouser_columns(block->mode);
-  grouser_array x, forces, jacobian;
-  PyObject *result = NULL;
-  if (grouser_array_acquire(x_object, "x", columns, 0, &x) < 0) return NULL;
-  if (grouser_array_acquire(forces_object, "forces", GROUSER_OUTPUTS, 1, &forces) < 0) goto release_x;
-  if (jacobian_object &&
-      grouser_array_acquire(jacobian_object, "jacobian", GROUSER_OUTPUTS * columns, 1, &jacobian) < 0)
-    goto release_forces;
-  if (same_rows(&x, &forces, "forces") && (!jacobian_object || same_rows(&x, &jacobian, "jacobian")) &&
-      !refuses(block, &x)) {
-    double *slopes = jacobian_object ? jacobian.data : NULL;
-    if (x.rows >= GROUSER_BATCH_ROWS) {
-      Py_BEGIN_ALLOW_THREADS
-      evaluate(block, &x, forces.data, slopes);
-      Py_END_ALLOW_THREADS
-    } else {
-      evaluate(block, &x, forces.data, slopes);
-    }
-    result = Py_NewRef(Py_None);
-  }
-  if (jacobian_object) grouser_array_release(&jacobian);
-release_forces:
-  grouser_array_release(&forces);
-release_x:
-  grouser_array_release(&x);
-  return result;
+static grouser_kernel kernel_of(PyObject *self) {
+  const grouser_physics *block = &((physics_object *)self)->block;
+  return (grouser_kernel){block, grouser_columns(block->mode), evaluate, refuses};
 }
 
 static PyObject *physics_forces(PyObject *self, PyObject *arguments) {
   PyObject *x, *forces;
   if (!PyArg_ParseTuple(arguments, "OO:forces", &x, &forces)) return NULL;
-  return run((physics_object *)self, x, forces, NULL);
+  const grouser_kernel kernel = kernel_of(self);
+  return grouser_kernel_call(&kernel, x, forces, NULL);
 }
 
 static PyObject *physics_forces_and_jacobian(PyObject *self, PyObject *arguments) {
   PyObject *x, *forces, *jacobian;
   if (!PyArg_ParseTuple(arguments, "OOO:forces_and_jacobian", &x, &forces, &jacobian)) return NULL;
-  return run((physics_object *)self, x, forces, jacobian);
+  const grouser_kernel kernel = kernel_of(self);
+  return grouser_kernel_call(&kernel, x, forces, jacobian);
 }
 
 static void evaluate_tracks(const grouser_physics *block, const grouser_array *left, const grouser_array *right,
@@ -119,15 +77,16 @@ static void evaluate_tracks(const grouser_physics *block, const grouser_array *l
 
 static PyObject *physics_track_forces(PyObject *self, PyObject *arguments) {
   const grouser_physics *block = &((physics_object *)self)->block;
-  const int columns = grouser_columns(block->mode);
+  const grouser_kernel kernel = kernel_of(self);
+  const int columns = kernel.columns;
   PyObject *left_object, *right_object, *tracks_object, *result = NULL;
   grouser_array left, right, tracks;
   if (!PyArg_ParseTuple(arguments, "OOO:track_forces", &left_object, &right_object, &tracks_object)) return NULL;
   if (grouser_array_acquire(left_object, "x_left", columns, 0, &left) < 0) return NULL;
   if (grouser_array_acquire(right_object, "x_right", columns, 0, &right) < 0) goto release_left;
   if (grouser_array_acquire(tracks_object, "track_forces", 2 * GROUSER_OUTPUTS, 1, &tracks) < 0) goto release_right;
-  if (same_rows(&left, &right, "x_right") && same_rows(&left, &tracks, "track_forces") && !refuses(block, &left) &&
-      !refuses(block, &right)) {
+  if (grouser_same_rows(&left, &right, "x_right") && grouser_same_rows(&left, &tracks, "track_forces") &&
+      !grouser_kernel_refuses(&kernel, &left) && !grouser_kernel_refuses(&kernel, &right)) {
     if (left.rows >= GROUSER_BATCH_ROWS) {
       Py_BEGIN_ALLOW_THREADS
       evaluate_tracks(block, &left, &right, tracks.data);
