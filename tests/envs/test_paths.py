@@ -395,3 +395,26 @@ class TestMakePath:
         file = TestCsv.write(tmp_path, "0,0\n10,0\n20,0\n")
         target: str | os.PathLike[str] = kind(file)
         assert make_path(target, M113).length == pytest.approx(20.0)
+
+
+def test_a_heading_puts_a_vehicle_at_a_crossing_on_the_branch_that_it_drives() -> None:
+    path = figure_eight(15.0)
+    x, y = path.point_at(0.0)
+    start = path.heading_at(0.0)
+    for lateral in (-0.3, -0.05, 0.05, 0.3):
+        aside = (x - lateral * math.sin(start), y + lateral * math.cos(start))
+        foot = path.project(*aside, heading=start)
+        assert min(foot.arc_length, path.length - foot.arc_length) < 1.0
+        assert foot.cross_track == pytest.approx(lateral, abs=1e-3)
+
+
+def test_a_heading_across_every_branch_is_passed_over() -> None:
+    path = straight(50.0)
+    assert path.project(20.0, 1.0, heading=math.pi / 2).arc_length == pytest.approx(20.0)
+
+
+def test_following_positions_gives_arc_lengths_and_errors() -> None:
+    path = straight(50.0)
+    arc_length, cross_track = path.follow([(0.0, 0.1), (1.0, 0.2), (2.0, -0.3)])
+    assert arc_length == pytest.approx([0.0, 1.0, 2.0])
+    assert cross_track == pytest.approx([0.1, 0.2, -0.3])

@@ -108,3 +108,12 @@ def test_reset_options_are_passed_on() -> None:
 def test_an_unknown_reset_option_names_the_nearest(key: str, nearest: str) -> None:
     with pytest.raises(ConfigurationError, match=f"unknown reset option '{key}'; did you mean '{nearest}'"):
         check_reset_options({key: 1.0})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("speed", 1e9), ("lateral_offset", 6.0), ("arc_length", 1e6), ("speed", -19.0)]
+)
+def test_reset_options_out_of_reach_are_refused(name: str, value: float) -> None:
+    env = PathTrackingEnv("physics")
+    with pytest.raises(InvalidInputError, match=name):
+        env.reset(seed=0, options={name: value})

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from grouser.terrain import (
+    BlendedForces,
     ConfigurationError,
     Detection,
     FloatArray,
@@ -316,3 +317,50 @@ def test_a_guard_and_its_memory_survive_pickling() -> None:
     np.testing.assert_array_equal(copy.forces(speeds(1.0, 6.0)), GUARD.forces(speeds(1.0, 6.0)))
     state = run(FAR, FAR)[-1]
     assert pickle.loads(pickle.dumps(state)) == state
+
+
+# Primaries that fail
+
+
+class Failing(Constant):
+    """Answers NaN, or refuses, above 3 m/s."""
+
+    def __init__(self, *, refuses: bool) -> None:
+        super().__init__(1.0)
+        self.refuses = refuses
+
+    def _spoilt(self, x: FloatArray, answer: FloatArray) -> FloatArray:
+        fast = np.atleast_2d(x)[:, 0] > 3.0
+        if self.refuses and fast.any():
+            raise InvalidInputError("too fast")
+        rows = answer if x.ndim == 2 else answer[None]
+        spoilt = np.where(fast.reshape(-1, *[1] * (rows.ndim - 1)), np.nan, rows)
+        return spoilt if x.ndim == 2 else spoilt[0]
+
+    def forces(self, x: FloatArray) -> FloatArray:
+        return self._spoilt(x, super().forces(x))
+
+    def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        forces, jacobian = super().forces_and_jacobian(x)
+        return self._spoilt(x, forces), jacobian
+
+
+@pytest.mark.parametrize("refuses", [False, True])
+def test_the_gate_is_never_without_an_answer(refuses: bool) -> None:
+    guarded = GuardedBackend(Failing(refuses=refuses), Constant(2.0), SpeedDetector())
+    assert guarded.forces(speeds(4.0)[0])[0] == 2.0
+    assert guarded.forces_and_jacobian(speeds(4.0)[0])[0][0] == 2.0
+    batch = guarded.forces(speeds(1.0, 4.0, 6.0))
+    assert np.isfinite(batch).all()
+    assert batch[1:, 0].tolist() == [2.0, 2.0]
+    assert np.isfinite(guarded.forces_and_jacobian(speeds(1.0, 4.0))[0]).all()
+
+
+@pytest.mark.parametrize("refuses", [False, True])
+@pytest.mark.parametrize("weight", [0.0, 0.5])
+def test_a_blend_notes_that_its_primary_failed(refuses: bool, weight: float) -> None:
+    blended = BlendedForces(GuardedBackend(Failing(refuses=refuses), Constant(2.0), SpeedDetector()), weight)
+    blended(speeds(1.0)[0])
+    assert not blended.primary_failed
+    assert blended(speeds(4.0)[0])[0][0] == 2.0
+    assert blended.primary_failed

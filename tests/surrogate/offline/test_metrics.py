@@ -97,3 +97,11 @@ def test_worst_runs_come_worst_first() -> None:
     assert worst[0].mz_max_abs == worst[0].mz_p95_abs == 5.0
     assert len(worst_runs(predicted, truth, run_index, records)) == 3
     assert len(worst_runs(predicted, truth, run_index, records, count=50)) == 5
+
+
+def test_what_counts_as_noise_has_no_r2() -> None:
+    truth = 1e-9 * np.sin(np.arange(50.0))
+    predicted = np.full(50, 0.5)
+    assert output_metrics(predicted, truth).r2 is not None
+    assert output_metrics(predicted, truth, noise=1e-3).r2 is None
+    assert output_metrics(predicted, truth, noise=1e-3).rmse == pytest.approx(0.5)
