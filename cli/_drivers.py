@@ -11,7 +11,6 @@ from ..envs import Driver, Path
 from ..terrain import ConfigurationError, Ground, TrackedVehicle, unknown_name
 
 if TYPE_CHECKING:
-    from ..controllers import TrackingPolicy
     from ..surrogate import Surrogate
 
 CONTROLLERS: Final = ("mpc", "pure-pursuit")
@@ -41,10 +40,10 @@ def driver_factory(
     ConfigurationError
         If the controller is unknown, or the policy is for another vehicle or ground.
     """
-    from ..controllers import MPCConfig, PathTrackingMPC, PolicyDriver, PurePursuit, identify_slip
+    from ..controllers import MPCConfig, PathTrackingMPC, PolicyDriver, PurePursuit, TrackingPolicy, identify_slip
 
     if controller.endswith(_POLICY_SUFFIX):
-        policy = load_policy(FilePath(controller), ground)
+        policy = TrackingPolicy.load(FilePath(controller)).require(ground.mode)
         if policy.vehicle != vehicle:
             raise ConfigurationError(
                 f"{controller} drives {policy.vehicle.name}, asked for {vehicle.name}: pass --vehicle"
@@ -56,27 +55,6 @@ def driver_factory(
     if controller == "mpc":
         return controller, lambda: PathTrackingMPC(path, vehicle, slip, MPCConfig(speed=speed))
     return controller, lambda: PurePursuit(path, vehicle, speed, slip=slip)
-
-
-def load_policy(file: FilePath, ground: Ground) -> TrackingPolicy:
-    """Load a policy and see that it understands this ground.
-
-    Raises
-    ------
-    ConfigurationError
-        If it observes terrain parameters of the other mode.
-    """
-    from ..controllers import TrackingPolicy
-    from ..envs.observation import observation_size
-
-    policy = TrackingPolicy.load(file)
-    expected, got = policy.network.widths[0], observation_size(ground.mode, policy.config)
-    if expected != got:
-        raise ConfigurationError(
-            f"{file} observes the terrain and was trained on another mode than {ground.mode}: "
-            f"it takes {expected} numbers, this ground gives {got}; pass --terrain"
-        )
-    return policy
 
 
 def fitting_artifact(artifacts: Sequence[FilePath], mode: str) -> Surrogate | None:

@@ -77,7 +77,7 @@ def drive(
 
 
 def _summary(log: InterfaceLog, path: Path, vehicle: TrackedVehicle, driver: Driver) -> dict[str, str]:
-    from ..controllers.comparison import MAXIMUM_CROSS_TRACK
+    from ..controllers.comparison import MAXIMUM_CROSS_TRACK, corridor_violation
 
     arc_length, cross_track = path.follow(log.states[:, :2])
     lost = ", then lost" if abs(cross_track[-1]) > MAXIMUM_CROSS_TRACK else ""
@@ -86,9 +86,8 @@ def _summary(log: InterfaceLog, path: Path, vehicle: TrackedVehicle, driver: Dri
         "driven": f"{log.state('time')[-1]:.2f} s, {100 * share:.0f} % of {path.name} ({path.length:.1f} m){lost}",
         "cross-track": f"RMSE {math.sqrt(float(np.mean(cross_track**2))):.3f} m, max {abs(cross_track).max():.3f} m",
     }
-    if path.corridor is not None:
-        x, y, heading = (log.state(name) for name in ("x", "y", "heading"))
-        beyond = path.corridor.violations(x, y, heading, vehicle.contact_length, vehicle.overall_width).max()
+    beyond = corridor_violation(path, vehicle, log)
+    if beyond is not None:
         facts["out of lane"] = f"{beyond:.3f} m at most"
     if np.isfinite(log.ood_score).any():
         facts["guard"] = f"fallback in {100 * log.fallback_rate:.1f} % of ticks, {log.switches} switches"

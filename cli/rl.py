@@ -13,7 +13,7 @@ import typer
 from ..envs import PathTrackingEnv
 from ..terrain import InvalidInputError, named
 from ._console import StageBars, out, print_facts
-from ._drivers import fitting_artifact, load_policy
+from ._drivers import fitting_artifact
 from ._options import Artifact, Backend, PathOrFile, Seed, Terrain, Vehicle, whole_numbers
 from ._tables import table
 
@@ -127,7 +127,9 @@ def evaluate(
     Vehicle and task are those that it was trained on, save that episodes run from the path's start to its end. The
     backend, the ground and the path may be others: a policy trained on a surrogate is worth what it does on physics.
     """
-    loaded = load_policy(policy, named(terrain))
+    from ..controllers import TrackingPolicy
+
+    loaded = TrackingPolicy.load(policy).require(named(terrain).mode)
     settings = asdict(loaded.config) | {"random_start": False, "time_limit": time_limit}
     environment = PathTrackingEnv(
         backend, loaded.vehicle, terrain, path, backend_options=_backend_options(backend, artifact, terrain), **settings

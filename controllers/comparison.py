@@ -290,7 +290,7 @@ def _drive(
         seed=seed,
         finished=bool(arc_length[-1] >= path.length and abs(cross_track[-1]) <= scenario.maximum_cross_track),
         cross_track_rmse_m=float(np.sqrt(np.mean(cross_track**2))),
-        corridor_violation_m=_violation(scenario, log),
+        corridor_violation_m=corridor_violation(path, vehicle, log),
         final_position_difference_m=float(np.hypot(*position)),
         final_heading_difference_rad=abs(math.remainder(float(heading), 2 * math.pi)),
         force_r2=[_r2(log.forces[:, i], truth[:, i], noise) for i, noise in enumerate(_noise(vehicle))],
@@ -318,12 +318,12 @@ def _rms(differences: FloatArray, scale: float) -> float | None:
     return float(np.sqrt(np.mean(np.sum(differences**2, axis=1))) / scale) if len(differences) else None
 
 
-def _violation(scenario: Scenario, log: InterfaceLog) -> float | None:
-    if scenario.path.corridor is None:
+def corridor_violation(path: Path, vehicle: TrackedVehicle, log: InterfaceLog) -> float | None:
+    """Return the largest distance in m of a corner of the footprint beyond its lane; None without a corridor."""
+    if path.corridor is None:
         return None
-    vehicle = scenario.vehicle
     x, y, heading = (log.state(name) for name in ("x", "y", "heading"))
-    return float(scenario.path.corridor.violations(x, y, heading, vehicle.contact_length, vehicle.overall_width).max())
+    return float(path.corridor.violations(x, y, heading, vehicle.contact_length, vehicle.overall_width).max())
 
 
 def _force_call_ns(backend: ForceBackend, inputs: FloatArray) -> float | None:

@@ -130,7 +130,7 @@ class PathTrackingMPC:
     @property
     def deadline(self) -> float:
         """The control period in s."""
-        return self.config.period
+        return self.period
 
     @property
     def deadline_misses(self) -> int:

@@ -23,6 +23,7 @@ from ..terrain import (
     FloatArray,
     Ground,
     GrouserError,
+    Mode,
     TrackedVehicle,
     write_aside,
 )
@@ -70,6 +71,22 @@ class TrackingPolicy:
         """Return the action in [-1, 1]², shape (2,), for an observation."""
         action: FloatArray = self.network.forward(NUMPY_NETWORK, observation.astype(np.float64))
         return np.clip(action, -1.0, 1.0)
+
+    def require(self, mode: Mode) -> TrackingPolicy:
+        """Return the policy itself, if it sees on ground of this mode what it was trained to see.
+
+        Raises
+        ------
+        ConfigurationError
+            If it observes terrain parameters of the other mode.
+        """
+        takes, given = self.network.widths[0], observation_size(mode, self.config)
+        if takes != given:
+            raise ConfigurationError(
+                f"the policy observes the terrain and was trained on another mode than {mode}: "
+                f"it takes {takes} numbers, this ground gives {given}"
+            )
+        return self
 
     def save(self, path: str | os.PathLike[str]) -> FilePath:
         """Write the policy as one sealed ``.safetensors`` file."""
@@ -139,12 +156,7 @@ class PolicyDriver:
     """
 
     def __init__(self, policy: TrackingPolicy, path: Path, ground: Ground) -> None:
-        size, expected = policy.network.widths[0], observation_size(ground.mode, policy.config)
-        if size != expected:
-            raise ConfigurationError(
-                f"on {ground.mode} ground the policy would see {expected} numbers; it takes {size}"
-            )
-        self.policy: Final = policy
+        self.policy: Final = policy.require(ground.mode)
         self.path: Final = path
         self.ground: Final = ground
         self.reset()

@@ -145,7 +145,7 @@ class GuardedBackend(ForceBackend):
 
     Called as a backend it is a pure gate: each row goes to the primary or, out of distribution, to the fallback. A
     simulated vehicle adds the memory: it advances a :class:`GuardState` once a tick and evaluates
-    :meth:`blended_forces_and_jacobian` at the weight that the policy chose.
+    :class:`BlendedForces` at the weight that the policy chose.
 
     Parameters
     ----------

@@ -1,5 +1,3 @@
-#include <stdlib.h>
-
 #include "cpu.h"
 
 const char *grouser_cpu_level(void) {
