@@ -1,7 +1,7 @@
 """Which force does the ground return? Interface, terrains, vehicles, the block's equations, and force backends."""
 
 from .backend import ForceBackend, assemble
-from .block import CONTACTS, Contact, ShearGrid, block_forces, reference_forces
+from .block import ShearGrid, block_forces, reference_forces
 from .compiled import CompiledBackend
 from .errors import (
     ArtifactError,
@@ -44,7 +44,7 @@ from .parameters import (
 )
 from .physics import PhysicsBackend, physics_options
 from .registry import backend_names, make_backend, register_backend
-from .vehicle import GRAVITY, TrackedVehicle, resolve_vehicle, vehicle_names
+from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle, resolve_vehicle, vehicle_names
 
 register_backend("physics", PhysicsBackend)
 

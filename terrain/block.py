@@ -16,10 +16,8 @@ from .errors import InvalidInputError, unknown_name
 from .interface import FloatArray, Mode, interface
 from .namespace import NUMPY, ArrayNamespace
 from .parameters import require_in
-from .vehicle import GRAVITY, TrackedVehicle
+from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle
 
-Contact = Literal["continuous", "per_wheel"]
-CONTACTS: Final[tuple[Contact, ...]] = ("continuous", "per_wheel")
 #: Share of an element's static load below which cohesion fades with the contact.
 COHESION_FADE: Final = 0.05
 # Below 1e-150 m/s the slip speed is zero; its square is added so that derivatives at zero slip stay finite.

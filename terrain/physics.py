@@ -8,12 +8,12 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from ..native import Physics
-from .block import CONTACTS, Contact, ShearGrid
+from .block import ShearGrid
 from .compiled import CompiledBackend
 from .errors import InvalidInputError
 from .interface import MODES, FloatArray, Mode, interface
 from .parameters import require_in
-from .vehicle import GRAVITY, TrackedVehicle
+from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle
 
 _DOMAIN: Final = "k must be positive, and with soft_speed 0 every belt must run"
 

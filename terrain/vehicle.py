@@ -6,7 +6,7 @@ import tomllib
 from dataclasses import dataclass, fields
 from functools import cache
 from importlib.resources import files
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -16,10 +16,14 @@ from .parameters import require_in
 
 GRAVITY: Final = 9.81
 
+#: How shear builds up: along the whole track, or afresh under each road wheel.
+Contact = Literal["continuous", "per_wheel"]
+CONTACTS: Final[tuple[Contact, ...]] = ("continuous", "per_wheel")
+
 
 @dataclass(frozen=True)
 class TrackedVehicle:
-    """A tracked skid-steer vehicle on level ground.
+    """A tracked skid-steer vehicle, or a wheeled one whose wheels of a side turn together.
 
     Parameters
     ----------
@@ -30,7 +34,8 @@ class TrackedVehicle:
     yaw_inertia : float
         I_z in kg m².
     contact_length : float
-        L in m, length of each track on the ground.
+        L in m, length of each track on the ground: from the rear end of the last contact element to the front end of
+        the first.
     tread : float
         B in m, distance between the track centrelines; larger than ``track_width``.
     track_width : float
@@ -38,7 +43,7 @@ class TrackedVehicle:
     cg_height : float
         h in m.
     road_wheels : int
-        n a side, which split the contact length into equal elements.
+        n a side, one contact element under each.
     sprocket_radius : float
         r in m.
     maximum_speed : float
@@ -53,6 +58,11 @@ class TrackedVehicle:
         T_d in s, of the first-order lag from belt-speed command to belt speed.
     belt_acceleration : float
         Limit on the rate of belt speed, in m/s².
+    patch_length : float, optional
+        ℓ in m, length of one contact element; L/n, so that the elements meet, by default. Shorter for a wheeled
+        vehicle, whose patches are as far apart as its axles.
+    contact : {"continuous", "per_wheel"}
+        How shear builds up under this vehicle, unless a physics backend is asked for the other.
     source : str
         Where the numbers come from.
     synthetic : bool
@@ -79,6 +89,8 @@ class TrackedVehicle:
     cg_offset: float = 0.0
     belt_time_constant: float = 0.2
     belt_acceleration: float = 4.0
+    patch_length: float | None = None
+    contact: Contact = "continuous"
     source: str = "user"
     synthetic: bool = False
 
@@ -98,6 +110,10 @@ class TrackedVehicle:
             )
         if isinstance(self.road_wheels, bool) or not isinstance(self.road_wheels, int) or self.road_wheels < 1:
             raise InvalidInputError(f"road_wheels must be a whole number of at least 1, got {self.road_wheels!r}")
+        if self.patch_length is not None:
+            longest = self.contact_length / self.road_wheels
+            require_in("patch_length", self.patch_length, 0.0, longest, low_open=True)
+        check_contact(self.contact, self)
 
     @classmethod
     def preset(cls, name: str) -> TrackedVehicle:
@@ -125,8 +141,15 @@ class TrackedVehicle:
 
     @property
     def element_length(self) -> float:
-        """ℓ = L/n in m."""
-        return self.contact_length / self.road_wheels
+        """ℓ in m: ``patch_length``, or L/n."""
+        return self.contact_length / self.road_wheels if self.patch_length is None else self.patch_length
+
+    @property
+    def element_spacing(self) -> float:
+        """Distance of neighbouring element centres in m: (L − ℓ)/(n − 1), which is ℓ where the elements meet."""
+        if self.patch_length is None or self.road_wheels == 1:
+            return self.element_length
+        return (self.contact_length - self.patch_length) / (self.road_wheels - 1)
 
     @property
     def contact_center(self) -> float:
@@ -137,7 +160,7 @@ class TrackedVehicle:
     def element_centers(self) -> FloatArray:
         """x_i in m, from the CG, rearmost first, shape (n,)."""
         index = np.arange(self.road_wheels, dtype=np.float64)
-        return self.contact_center + (index - (self.road_wheels - 1) / 2) * self.element_length
+        return self.contact_center + (index - (self.road_wheels - 1) / 2) * self.element_spacing
 
     @property
     def overall_width(self) -> float:
@@ -182,7 +205,29 @@ _BLOCK_FIELDS: Final = (
     "road_wheels",
     "soft_speed",
     "cg_offset",
+    "element_length",
+    "contact",
 )
+
+
+def check_contact(contact: str, vehicle: TrackedVehicle) -> None:
+    """Raise unless the vehicle can have this contact option.
+
+    Raises
+    ------
+    ConfigurationError
+        If the option is unknown.
+    InvalidInputError
+        If shear is to build up across gaps between patches.
+    """
+    if contact not in CONTACTS:
+        raise unknown_name("contact option", contact, CONTACTS)
+    if contact == "continuous" and vehicle.element_length * vehicle.road_wheels < vehicle.contact_length * (1 - 1e-9):
+        raise InvalidInputError(
+            f"continuous contact needs elements that meet: {vehicle.road_wheels} patches of "
+            f"{vehicle.element_length:g} m leave gaps in a contact length of {vehicle.contact_length:g} m; "
+            "use contact 'per_wheel'"
+        )
 
 
 @cache
