@@ -27,10 +27,13 @@ def data(
     transient: Annotated[float, typer.Option(metavar="S", help="Discarded start of each run, in s.")] = 2.0,
     tick: Annotated[float, typer.Option(metavar="S", help="Time step of the simulation, in s.")] = 0.01,
     integrator: Annotated[Integrator, typer.Option(help="Of the simulation; euler chatters near rest.")] = "implicit",
+    teacher: Annotated[
+        str, typer.Option(metavar="NAME", help="Who gives the forces: physics, or exact, dearer and less smooth.")
+    ] = "physics",
     seed: Seed = 0,
     workers: Workers = 2,
 ) -> None:
-    """Make a dataset: maneuvers on random ground, driven on the physics and logged at the force block.
+    """Make a dataset: maneuvers on random ground, driven on a physics block and logged at it.
 
     Each run draws its ground and its maneuver from the seed and its own number, so that the same options give the
     same bits whatever the number of workers; the content hash that is printed names them. Interrupted, the same
@@ -47,6 +50,7 @@ def data(
         transient=transient,
         tick=tick,
         integrator=integrator,
+        teacher=teacher,
         seed=seed,
     )
     began = perf_counter()

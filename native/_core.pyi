@@ -12,12 +12,15 @@ class Physics:
         *,
         mode: int,
         contact: int,
+        path: int,
         wheels: int,
         along: int,
         across: int,
         mass: float,
         gravity: float,
         contact_length: float,
+        element_length: float,
+        element_spacing: float,
         tread: float,
         track_width: float,
         cg_height: float,
@@ -26,7 +29,9 @@ class Physics:
     ) -> Self: ...
     def forces(self, x: _Array, forces: _Array, /) -> None: ...
     def forces_and_jacobian(self, x: _Array, forces: _Array, jacobian: _Array, /) -> None: ...
-    def track_forces(self, x_left: _Array, x_right: _Array, track_forces: _Array, /) -> None: ...
+    def track_forces(
+        self, x_left: _Array, x_right: _Array, track_forces: _Array, jacobian: _Array = ..., /
+    ) -> None: ...
 
 class Mlp:
     def __new__(

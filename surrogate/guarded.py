@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, ClassVar, Final, Literal
 
 from ..terrain import (
+    ForceBackend,
     GuardedBackend,
     Mode,
-    PhysicsBackend,
     SwitchingPolicy,
     TrackedVehicle,
+    make_backend,
     physics_options,
     unknown_name,
 )
@@ -36,8 +38,8 @@ class GuardedSurrogate(GuardedBackend):
     policy : SwitchingPolicy, optional
         Entry, hysteresis, dwell, blend.
     **fallback
-        Options of :class:`~grouser.terrain.PhysicsBackend`, such as ``cells`` and ``contact``; those of the artifact's
-        teacher by default.
+        Options of the fallback, such as ``cells`` and ``contact`` of :class:`~grouser.terrain.PhysicsBackend`. It is
+        the artifact's teacher, physics unless it was taught by another block, with the teacher's options by default.
 
     Raises
     ------
@@ -63,7 +65,7 @@ class GuardedSurrogate(GuardedBackend):
         surrogate = Surrogate.resolve(vehicle, mode, artifact)
         super().__init__(
             _PRIMARIES[primary](vehicle, mode, surrogate),
-            PhysicsBackend(vehicle, mode, **physics_options(surrogate.recipe.get("teacher", {})) | fallback),
+            _fallback(vehicle, mode, surrogate.recipe.get("teacher", {}), fallback),
             surrogate.detector,
             policy,
         )
@@ -72,3 +74,10 @@ class GuardedSurrogate(GuardedBackend):
     def describe(self) -> dict[str, Any]:
         """Return the guard's parts, the detector's calibration and the switching policy."""
         return super().describe() | {"detector": self.surrogate.detector.summary(), "policy": asdict(self.policy)}
+
+
+def _fallback(
+    vehicle: TrackedVehicle, mode: Mode, teacher: Mapping[str, Any], options: Mapping[str, Any]
+) -> ForceBackend:
+    name = teacher.get("backend", "physics")
+    return make_backend(name, mode=mode, vehicle=vehicle, **physics_options(teacher) | dict(options))

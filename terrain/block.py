@@ -16,12 +16,16 @@ from .errors import InvalidInputError, unknown_name
 from .interface import FloatArray, Mode, interface
 from .namespace import NUMPY, ArrayNamespace
 from .parameters import require_in
-from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle
+from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle, check_contact
 
 #: Share of an element's static load below which cohesion fades with the contact.
 COHESION_FADE: Final = 0.05
 # Below 1e-150 m/s the slip speed is zero; its square is added so that derivatives at zero slip stay finite.
 _TINY_SQUARE: Final = 1e-300
+
+
+ShearPath = Literal["soft", "exact"]
+SHEAR_PATHS: Final[tuple[ShearPath, ...]] = ("soft", "exact")
 
 
 @dataclass(frozen=True)
@@ -34,18 +38,22 @@ class ShearGrid:
         Cells an element along and across the track, nx and ny.
     contact : {"continuous", "per_wheel"}
         Whether the shear builds up along the whole track (Wong & Chiang) or starts afresh under each wheel.
+    path : {"soft", "exact"}
+        Shear displacement of a cell: the slip velocity of this moment times the contact time, or the path of the belt
+        point over the ground with the vehicle's rotation on the way.
 
     Raises
     ------
     InvalidInputError
         If there is no cell.
     ConfigurationError
-        If the contact option is unknown.
+        If the contact option or the path is unknown.
     """
 
     along: int = 16
     across: int = 4
     contact: Contact = "continuous"
+    path: ShearPath = "soft"
 
     def __post_init__(self) -> None:
         for name in ("along", "across"):
@@ -54,6 +62,8 @@ class ShearGrid:
                 raise InvalidInputError(f"cells {name} must be a whole number in [1, 4096], got {value!r}")
         if self.contact not in CONTACTS:
             raise unknown_name("contact option", self.contact, CONTACTS)
+        if self.path not in SHEAR_PATHS:
+            raise unknown_name("shear path", self.path, SHEAR_PATHS)
 
 
 def side_loads(xp: ArrayNamespace, vehicle: TrackedVehicle, ay: Any) -> tuple[Any, Any]:
@@ -92,6 +102,37 @@ def shear_factor(xp: ArrayNamespace, z: Any) -> Any:
     return xp.where(regular, -xp.expm1(-safe) / safe, 1.0 - z / 2)
 
 
+def exact_displacement(xp: ArrayNamespace, slip_x: Any, slip_y: Any, yaw_rate: Any, vt: Any, time: Any) -> Any:
+    """Return the distance in m that the ground is sheared on the exact path (Wong & Chiang), at most half a turn long.
+
+    A belt point that entered t ago has moved over the ground, in body axes of this moment, by
+    j = t ([[S, C], [−C, S]] v_s + Vt (S − cos θ, sin θ − C)), θ = ωt, S = sin θ/θ, C = (1 − cos θ)/θ. This is the
+    j_x, j_y of Wong & Chiang with the point's entry x_f = x + Vt t put in; for θ → 0 it is v_s t. A chord shrinks again
+    beyond half a turn while the shear does not, so t is at most π/|ω|.
+
+    Parameters
+    ----------
+    slip_x, slip_y : array
+        Slip velocity v_s of the cells in m/s.
+    yaw_rate, vt : array
+        ω in rad/s and belt speed in m/s.
+    time : array
+        t in s.
+    """
+    turn = xp.where(yaw_rate < 0, -yaw_rate, yaw_rate)
+    half_turn = np.pi / xp.where(turn > 1e-150, turn, 1e-150)
+    time = xp.where(time < half_turn, time, half_turn)
+    theta = yaw_rate * time
+    turning = theta * theta > 1e-24
+    safe = xp.where(turning, theta, 1.0)
+    sine, cosine, half_sine = xp.sin(theta), xp.cos(theta), xp.sin(theta / 2)
+    s = xp.where(turning, sine / safe, 1.0)
+    c = xp.where(turning, 2 * half_sine * half_sine / safe, theta / 2)
+    along = s * slip_x + c * slip_y + vt * (s - cosine)
+    aside = s * slip_y - c * slip_x + vt * (sine - c)
+    return time * xp.sqrt(along * along + aside * aside + _TINY_SQUARE)
+
+
 def shear_strength(xp: ArrayNamespace, vehicle: TrackedVehicle, mode: Mode, terrain: list[Any], load: Any) -> Any:
     """Return τ_max in Pa under an element that carries ``load`` N.
 
@@ -116,8 +157,8 @@ def track_force(
 ) -> list[Any]:
     """Return [Fx, Fy, M] of one track in N, N, N m; M about the CG.
 
-    At each cell v_s = (Vx − ω y − Vt, Vy + ω x), t_c = d/√(Vt² + V_ε²), z = |v_s| t_c/K and
-    dF = −τ_max (t_c/K) φ₁(z) v_s dA; rolling resistance adds −f_r N s to Fx.
+    At each cell v_s = (Vx − ω y − Vt, Vy + ω x), t_c = d/√(Vt² + V_ε²), j = |v_s| t_c on the soft path, z = j/K and
+    dF = −τ_max (j/(K |v_s|)) φ₁(z) v_s dA; rolling resistance adds −f_r N s to Fx.
 
     Parameters
     ----------
@@ -126,7 +167,7 @@ def track_force(
     side : {"left", "right"}
         Which track.
     grid : ShearGrid
-        Cells and contact option.
+        Cells, contact option and shear path.
     soft_speed : float
         V_ε in m/s.
     """
@@ -156,8 +197,14 @@ def track_force(
             travelled = length / 2 - direction * offset
         slip_x = vx - yaw_rate * y - vt
         slip_y = vy + yaw_rate * x
-        stretch = travelled / belt_speed / shear_modulus
-        z = xp.sqrt(slip_x * slip_x + slip_y * slip_y + _TINY_SQUARE) * stretch
+        time = travelled / belt_speed
+        sliding = xp.sqrt(slip_x * slip_x + slip_y * slip_y + _TINY_SQUARE)
+        if grid.path == "soft":
+            stretch = time / shear_modulus
+            z = sliding * stretch
+        else:
+            z = exact_displacement(xp, slip_x, slip_y, yaw_rate, vt, time) / shear_modulus
+            stretch = z / sliding
         strength = shear_strength(xp, vehicle, mode, terrain, side_load * share) * area
         factor = -strength * stretch * shear_factor(xp, z)
         cell_fx, cell_fy = factor * slip_x, factor * slip_y
@@ -189,7 +236,8 @@ def block_forces(
     x : array (n, d) or (d,), or CasADi column (d, 1)
         Interface array.
     grid : ShearGrid, optional
-        Cells and contact option; 16 × 4 cells an element, continuous, by default.
+        Cells, contact option and shear path; 16 × 4 cells an element, the vehicle's contact option and the soft path
+        by default.
     soft_speed : float, optional
         V_ε in m/s; the vehicle's by default.
 
@@ -197,7 +245,8 @@ def block_forces(
     -------
     array (n, 3) or (3,), or CasADi column (3, 1)
     """
-    grid = grid or ShearGrid()
+    grid = grid or ShearGrid(contact=vehicle.contact)
+    check_contact(grid.contact, vehicle)
     v_eps = vehicle.soft_speed if soft_speed is None else soft_speed
     columns = xp.columns(x)
     left = track_force(xp, vehicle, mode, columns, side="left", grid=grid, soft_speed=v_eps)

@@ -40,6 +40,12 @@ class ArrayNamespace(Protocol):
     def tan(self, a: Any) -> Any:
         """Tangent."""
 
+    def sin(self, a: Any) -> Any:
+        """Sine."""
+
+    def cos(self, a: Any) -> Any:
+        """Cosine."""
+
     def clip(self, a: Any, low: Any, high: Any) -> Any:
         """Limit to [low, high]."""
 
@@ -52,6 +58,8 @@ class _Numpy:
     sqrt = staticmethod(np.sqrt)
     expm1 = staticmethod(np.expm1)
     tan = staticmethod(np.tan)
+    sin = staticmethod(np.sin)
+    cos = staticmethod(np.cos)
     clip = staticmethod(np.clip)
     where = staticmethod(np.where)
 
@@ -89,6 +97,8 @@ def torch_namespace() -> ArrayNamespace:
         sqrt = staticmethod(torch.sqrt)
         expm1 = staticmethod(torch.expm1)
         tan = staticmethod(torch.tan)
+        sin = staticmethod(torch.sin)
+        cos = staticmethod(torch.cos)
 
         @staticmethod
         def where(condition: Any, a: Any, b: Any) -> Any:
@@ -135,6 +145,8 @@ def casadi_namespace() -> ArrayNamespace:
         sqrt = staticmethod(casadi.sqrt)
         expm1 = staticmethod(casadi.expm1)
         tan = staticmethod(casadi.tan)
+        sin = staticmethod(casadi.sin)
+        cos = staticmethod(casadi.cos)
         where = staticmethod(casadi.if_else)
 
         @staticmethod

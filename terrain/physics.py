@@ -8,12 +8,12 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from ..native import Physics
-from .block import ShearGrid
+from .block import SHEAR_PATHS, ShearGrid, ShearPath
 from .compiled import CompiledBackend
 from .errors import InvalidInputError
 from .interface import MODES, FloatArray, Mode, interface
 from .parameters import require_in
-from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle
+from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle, check_contact
 
 _DOMAIN: Final = "k must be positive, and with soft_speed 0 every belt must run"
 
@@ -29,21 +29,23 @@ class PhysicsBackend(CompiledBackend):
         Terrain mode.
     cells : tuple of int
         Cells an element along and across the track. ``(2, 1)`` is the coarse physics that a surrogate has to beat.
-    contact : {"continuous", "per_wheel"}
-        Whether the shear builds up along the whole track or starts afresh under each wheel.
+    contact : {"continuous", "per_wheel"}, optional
+        Whether the shear builds up along the whole track or starts afresh under each wheel; the vehicle's by default.
     soft_speed : float, optional
         V_ε in m/s; the vehicle's by default. At 0 a stopped belt is refused.
 
     Raises
     ------
     InvalidInputError
-        If there is no cell, or more wheels than the compiled block holds.
+        If there is no cell, more wheels than the compiled block holds, or continuous contact over patches with gaps.
     ConfigurationError
         If the contact option is unknown.
     """
 
     name: ClassVar[str] = "physics"
     has_track_forces: ClassVar[bool] = True
+    #: How the shear displacement of a cell is found; see :class:`~grouser.terrain.ShearGrid`.
+    shear_path: ClassVar[ShearPath] = "soft"
 
     def __init__(
         self,
@@ -51,25 +53,29 @@ class PhysicsBackend(CompiledBackend):
         mode: Mode,
         *,
         cells: tuple[int, int] = (16, 4),
-        contact: Contact = "continuous",
+        contact: Contact | None = None,
         soft_speed: float | None = None,
     ) -> None:
         if len(cells) != 2:
             raise InvalidInputError(f"cells are a pair (along, across), got {cells!r}")
-        self.grid = ShearGrid(cells[0], cells[1], contact)
+        self.grid = ShearGrid(cells[0], cells[1], contact or vehicle.contact, self.shear_path)
+        check_contact(self.grid.contact, vehicle)
         self.soft_speed = vehicle.soft_speed if soft_speed is None else soft_speed
         require_in("soft_speed", self.soft_speed, 0.0, 10.0)
         mode_index = MODES.index(interface(mode).mode)
         try:
             block = Physics(
                 mode=mode_index,
-                contact=CONTACTS.index(contact),
+                contact=CONTACTS.index(self.grid.contact),
+                path=SHEAR_PATHS.index(self.grid.path),
                 wheels=vehicle.road_wheels,
                 along=self.grid.along,
                 across=self.grid.across,
                 mass=vehicle.mass,
                 gravity=GRAVITY,
                 contact_length=vehicle.contact_length,
+                element_length=vehicle.element_length,
+                element_spacing=vehicle.element_spacing,
                 tread=vehicle.tread,
                 track_width=vehicle.track_width,
                 cg_height=vehicle.cg_height,
@@ -86,17 +92,24 @@ class PhysicsBackend(CompiledBackend):
 
     def track_forces(self, x_left: FloatArray, x_right: FloatArray) -> FloatArray:
         """Return [Fx, Fy, M] of each track, shape (n, 2, 3); see :meth:`ForceBackend.track_forces`."""
-        left, right = (np.atleast_2d(self.interface.check(x)) for x in (x_left, x_right))
-        if left.shape != right.shape:
-            raise InvalidInputError(
-                f"x_left and x_right must have equally many rows, got shapes {left.shape} and {right.shape}"
-            )
+        left, right = self.check_tracks(x_left, x_right)
         out = np.empty((left.shape[0], 2, 3))
         try:
             self._block.track_forces(left, right, out)
         except ValueError as error:
             raise InvalidInputError(f"{error}; {_DOMAIN}") from error
         return out
+
+    def track_forces_and_jacobian(self, x_left: FloatArray, x_right: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return track forces and the analytic derivatives of each by its own input."""
+        left, right = self.check_tracks(x_left, x_right)
+        out = np.empty((left.shape[0], 2, 3))
+        jacobian = np.empty((*out.shape, self.interface.size))
+        try:
+            self._block.track_forces(left, right, out, jacobian)
+        except ValueError as error:
+            raise InvalidInputError(f"{error}; {_DOMAIN}") from error
+        return out, jacobian
 
     def describe(self) -> dict[str, Any]:
         """Return backend, mode, vehicle, grid, contact option and V_ε."""

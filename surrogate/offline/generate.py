@@ -45,7 +45,7 @@ class DataConfig:
     mode : {"rigid", "soil"}
         Terrain mode.
     vehicle : str
-        Preset name.
+        Preset name or catalogue file.
     ranges : {"wide", "paper"}
         Terrain ranges that runs are drawn from.
     runs : int
@@ -58,6 +58,8 @@ class DataConfig:
         T_s in s.
     integrator : {"implicit", "sdirk2", "euler"}
         Of the simulator.
+    teacher : str
+        Backend that drives and is logged: ``"physics"``, ``"exact"``, or one that is registered.
     seed : int
         Run i draws from the stream (seed, i).
 
@@ -77,6 +79,7 @@ class DataConfig:
     transient: float = 2.0
     tick: float = 0.01
     integrator: Integrator = "implicit"
+    teacher: str = "physics"
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -141,7 +144,7 @@ def generate_dataset(
     """
     if workers < 1:
         raise InvalidInputError(f"workers must be at least 1, got {workers}")
-    backend = make_backend("physics", mode=config.mode, vehicle=config.vehicle)
+    backend = make_backend(config.teacher, mode=config.mode, vehicle=config.vehicle)
     manifest = _plan(config, backend)
     parts = folder / PARTS_NAME
     if (folder / MANIFEST_NAME).exists():

@@ -1,10 +1,12 @@
-/* The cell-integrated track-terrain block in float64. Equations: terrain/block.py and docs/architecture.md. */
+/* The cell-integrated track-terrain block in float64. Equations: terrain/block.py and docs/physics.md. */
 #ifndef GROUSER_PHYSICS_H
 #define GROUSER_PHYSICS_H
 
 #include "interface.h"
 
 enum grouser_contact { GROUSER_CONTINUOUS = 0, GROUSER_PER_WHEEL = 1 };
+/* How far the ground is sheared: slip velocity times contact time, or the belt point's path with full rotation. */
+enum grouser_path { GROUSER_SOFT_PATH = 0, GROUSER_EXACT_PATH = 1 };
 enum grouser_side { GROUSER_LEFT = 0, GROUSER_RIGHT = 1 };
 
 enum { GROUSER_MAX_WHEELS = 64, GROUSER_MAX_CELLS = 4096 };
@@ -12,16 +14,19 @@ enum { GROUSER_MAX_WHEELS = 64, GROUSER_MAX_CELLS = 4096 };
 typedef struct {
   enum grouser_mode mode;
   enum grouser_contact contact;
-  int wheels;            /* contact elements a side, 1..GROUSER_MAX_WHEELS */
-  int along, across;     /* cells an element, 1..GROUSER_MAX_CELLS */
-  double mass;           /* kg */
-  double gravity;        /* m/s^2 */
-  double contact_length; /* m */
-  double tread;          /* m, between track centrelines */
-  double track_width;    /* m */
-  double cg_height;      /* m */
-  double contact_center; /* m, from the CG */
-  double soft_speed;     /* m/s */
+  enum grouser_path path;
+  int wheels;             /* contact elements a side, 1..GROUSER_MAX_WHEELS */
+  int along, across;      /* cells an element, 1..GROUSER_MAX_CELLS */
+  double mass;            /* kg */
+  double gravity;         /* m/s^2 */
+  double contact_length;  /* m */
+  double element_length;  /* m */
+  double element_spacing; /* m, between element centres */
+  double tread;           /* m, between track centrelines */
+  double track_width;     /* m */
+  double cg_height;       /* m */
+  double contact_center;  /* m, from the CG */
+  double soft_speed;      /* m/s */
 } grouser_physics;
 
 /* Force and moment [Fx, Fy, M] (N, N, N m; M about the CG) of one track.
