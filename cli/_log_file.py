@@ -24,6 +24,8 @@ def write_log(file: Path, log: InterfaceLog) -> None:
         states=log.states,
         state_names=np.array(STATE_NAMES),
         commands=log.commands,
+        right_theta=log.right_theta,
+        gravity=log.gravity,
         divisions=log.divisions,
         ood_score=log.ood_score,
         fallback_weight=log.fallback_weight,

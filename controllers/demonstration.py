@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -10,6 +11,8 @@ from pathlib import Path as FilePath
 from queue import Empty
 from time import perf_counter
 from typing import Any, Final
+
+import numpy as np
 
 from ..envs import Driver, Path, make_path
 from ..surrogate import Surrogate
@@ -23,9 +26,11 @@ from ..terrain import (
     Ground,
     InvalidInputError,
     Mode,
-    SteppedTerrain,
+    Patch,
+    Rectangle,
     TrackedVehicle,
     named,
+    paint_field,
     write_json,
 )
 from .comparison import Drive, DriverFactory, Scenario, compare, document
@@ -35,6 +40,11 @@ from .policy import PolicyDriver, TrackingPolicy
 from .reinforcement import PPOConfig, train_policy
 from .report import write_report
 from .slip_model import identify_slip
+
+# Of the map of the third scenario, in m: how far it reaches around the path, and its cells. Its border between asphalt
+# and ice is one and a half cells wide.
+_MAP_MARGIN: Final = 10.0
+_MAP_SPACING: Final = 0.25
 
 BACKENDS: Final = ("physics", "torch", "native", "guarded")
 
@@ -49,7 +59,7 @@ class DemoConfig:
     Parameters
     ----------
     vehicle : str
-        Preset name.
+        Preset name or catalogue file.
     rigid_ranges, soil_ranges : str
         Terrain ranges of the two datasets. Ice lies outside the ``paper`` ranges, LETE sand inside the ``wide`` ones.
     rigid_runs, soil_runs : int
@@ -165,8 +175,9 @@ def run_demonstration(
             workers=workers,
             progress=lambda done, total, mode=mode: tell(f"data, {mode}", done, total),  # type: ignore[misc]
         )
-    artifacts = {mode: folder / "artifacts" / f"{config.vehicle}-{mode}.safetensors" for mode in modes}
-    policies = {mode: folder / "policies" / f"{config.vehicle}-{mode}.safetensors" for mode in modes}
+    vehicle = TrackedVehicle.preset(config.vehicle).name
+    artifacts = {mode: folder / "artifacts" / f"{vehicle}-{mode}.safetensors" for mode in modes}
+    policies = {mode: folder / "policies" / f"{vehicle}-{mode}.safetensors" for mode in modes}
     _in_processes(_train_surrogate, [(config, mode, folder, artifacts[mode]) for mode in modes], workers, tell)
     _in_processes(
         _train_policy, [(config, mode, str(artifacts[mode]), policies[mode]) for mode in modes], workers, tell
@@ -181,13 +192,13 @@ def run_demonstration(
         )
     tell("drives", total, total)
     surrogates = {mode: Surrogate.load(path) for mode, path in artifacts.items()}
-    metrics = {f"{config.vehicle} {mode}": surrogate.metrics["test"] for mode, surrogate in surrogates.items()}
+    metrics = {f"{vehicle} {mode}": surrogate.metrics["test"] for mode, surrogate in surrogates.items()}
     meta = {
         "config": asdict(config),
         "artifacts": {mode: surrogate.content_hash for mode, surrogate in surrogates.items()},
         "datasets": {mode: surrogate.dataset_hash for mode, surrogate in surrogates.items()},
         "summary": (
-            f"{config.vehicle} at {config.speed:g} m/s along {config.path}, on asphalt, on LETE sand, and on asphalt "
+            f"{vehicle} at {config.speed:g} m/s along {config.path}, on asphalt, on LETE sand, and on asphalt "
             f"that is ice (μ 0.1) from x = {config.ice_from:g} m on, which lies outside the rigid surrogate's data. "
             "Start: up to 0.1 m and 0.01 rad off the path, the same for every backend. The MPC on ice is told the slip "
             "parameters of ice; the policy is told nothing."
@@ -209,7 +220,10 @@ def demo_scenarios(
     vehicle = TrackedVehicle.preset(config.vehicle)
     path = make_path(config.path, vehicle)
     asphalt, sand, ice = named("asphalt"), named("lete-sand"), named("ice")
-    onto_ice = SteppedTerrain(asphalt, ice, config.ice_from)
+    x, y, _, _ = path.sample(np.linspace(0.0, path.length, 1 + math.ceil(path.length)))
+    extent = (x.min() - _MAP_MARGIN, x.max() + _MAP_MARGIN, y.min() - _MAP_MARGIN, y.max() + _MAP_MARGIN)
+    patches = [Patch(ice, Rectangle(x_min=config.ice_from))]
+    onto_ice = paint_field(asphalt, extent, spacing=_MAP_SPACING, patches=patches, outside="extend")
     return [
         _scenario(config, "asphalt", "asphalt", asphalt, asphalt, vehicle, path, artifacts, policies),
         _scenario(config, "lete-sand", "lete-sand", sand, sand, vehicle, path, artifacts, policies),

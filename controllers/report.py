@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from ..envs import Path
-from ..terrain import OUTPUT_NAMES, SteppedTerrain, missing_extra, write_aside
+from ..terrain import OUTPUT_NAMES, TerrainField, missing_extra, write_aside
 from .comparison import TIME_FIELDS, Drive, Scenario
 
 # Okabe-Ito: told apart by the colour-blind, and in grey.
@@ -64,8 +64,8 @@ def overlay_plot(scenario: Scenario, controller: str, drives: Sequence[Drive]) -
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.25 * (high - low))
     axes[0].set(title=f"{scenario.name}: {controller} on {scenario.terrain}", xlabel="x (m)", ylabel="y (m)")
-    if isinstance(scenario.ground, SteppedTerrain):
-        axes[0].axvline(scenario.ground.boundary, color="0.4", linewidth=1.0, linestyle=":", label="ground changes")
+    if isinstance(scenario.ground, TerrainField):
+        _draw_ground(axes[0], scenario.ground)
     axes[0].legend(loc="upper right", ncols=len(drives) + 2, fontsize=8)
     axes[1].set_ylabel("cross-track (m)")
     axes[5].set(ylabel="OOD score", xlabel="time (s)")
@@ -73,6 +73,17 @@ def overlay_plot(scenario: Scenario, controller: str, drives: Sequence[Drive]) -
         axis.grid(alpha=0.3)
         axis.sharex(axes[5])
     return _png(figure)
+
+
+def _draw_ground(axis: Any, field: TerrainField) -> None:
+    """Shade the ground by its friction, μ or tan φ, the lighter the less it holds; the axis keeps its limits."""
+    limits = axis.axis()
+    friction = field.parameters[..., 0] if field.mode == "rigid" else np.tan(field.parameters[..., 1])
+    image = axis.imshow(
+        friction, extent=field.extent, origin="lower", cmap="Greys", vmin=0.0, vmax=2.0, aspect="auto", zorder=0
+    )
+    axis.axis(limits)
+    axis.figure.colorbar(image, ax=axis, label="μ" if field.mode == "rigid" else "tan φ", boundaries=np.linspace(0, 1))
 
 
 def report_page(

@@ -34,6 +34,12 @@ class InterfaceLog:
         State before the first tick and after each; columns :data:`STATE_NAMES`.
     commands : ndarray, shape (n, 2)
         Belt-speed commands in m/s.
+    right_theta : ndarray, shape (n, p)
+        Terrain parameters that the right track received; those in ``inputs`` are the left one's, and the same unless
+        the ground is sampled at each track.
+    gravity : ndarray, shape (n, 3)
+        Gravity along the body axes x and y, and what presses the vehicle on the ground, in m/s²; (0, 0, 9.81) where
+        it is level. The forces are those under the load m g_z.
     divisions : ndarray of int, shape (n,)
         Parts that each tick was solved in; ``inputs`` and ``forces`` are those of the last part.
     ood_score : ndarray, shape (n,)
@@ -51,6 +57,8 @@ class InterfaceLog:
     forces: FloatArray
     states: FloatArray
     commands: FloatArray
+    right_theta: FloatArray
+    gravity: FloatArray
     divisions: NDArray[np.int64]
     ood_score: FloatArray
     fallback_weight: FloatArray
@@ -106,6 +114,10 @@ class LogRecorder:
             forces=_stack((record.forces for record in records), 3),
             states=_stack((_state_row(s) for s in (self._initial, *(r.state for r in records))), len(STATE_NAMES)),
             commands=_stack((command for command, _ in self._records), 2),
+            right_theta=_stack(
+                (record.footing.right_theta for record in records), len(simulator.backend.interface.parameter_names)
+            ),
+            gravity=_stack((record.footing.gravity for record in records), 3),
             divisions=np.array([record.divisions for record in records], dtype=np.int64),
             ood_score=np.array([r.detection.score if r.detection else np.nan for r in records], dtype=np.float64),
             fallback_weight=np.array([record.state.guard.fallback_weight for record in records], dtype=np.float64),
@@ -115,6 +127,7 @@ class LogRecorder:
                 "backend": simulator.backend.describe(),
                 "tick": simulator.tick,
                 "integrator": simulator.integrator,
+                "ground_sampling": simulator.ground_sampling,
             },
         )
 

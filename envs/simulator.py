@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,11 +14,13 @@ from ..terrain import (
     Detection,
     FloatArray,
     ForceBackend,
+    ForceFunction,
     Ground,
     GuardedBackend,
     GuardState,
     SimulationDivergedError,
     TrackedVehicle,
+    level_equivalent,
     make_backend,
     resolve_ground,
     resolve_vehicle,
@@ -25,8 +28,9 @@ from ..terrain import (
 )
 from ..terrain.parameters import require_in
 from .driveline import advance_belts, check_command
+from .footing import GROUND_SAMPLINGS, Footing, GroundSampling, forces_on, sample_ground
 from .state import BeltCommand, VehicleState
-from .tick import INTEGRATORS, BodyStep, ForceFunction, Integrator, explicit_step, implicit_step, tolerance
+from .tick import INTEGRATORS, BodyStep, Dynamics, Integrator, explicit_step, implicit_step, tolerance
 
 
 class TickRecord(NamedTuple):
@@ -44,6 +48,9 @@ class TickRecord(NamedTuple):
         Newton steps, and parts that the tick was solved in.
     detection : Detection or None
         What the guard's detector said of the row at the tick's start; None without a guard.
+    footing : Footing
+        θ under each track and gravity. The forces are those under the load m g_z; see
+        :func:`~grouser.terrain.level_equivalent`.
     """
 
     row: FloatArray
@@ -52,6 +59,7 @@ class TickRecord(NamedTuple):
     iterations: int
     divisions: int
     detection: Detection | None
+    footing: Footing
 
 
 class Simulator:
@@ -68,18 +76,22 @@ class Simulator:
     backend : str or ForceBackend
         Name for :func:`grouser.terrain.make_backend`, or a backend.
     ground : str or Ground
-        A ground's name, a terrain, or anything that gives θ at a position; sampled at the CG at the tick's start.
+        A ground's name, a file of one, a terrain, or anything that gives θ and a slope at a position; sampled at the
+        tick's start. On a slope gravity pulls the body along, and the load is m g_z.
     tick : float
         T_s in s.
     integrator : {"implicit", "sdirk2", "euler"}
         Backward Euler, SDIRK2, or explicit Euler, which chatters near rest.
+    ground_sampling : {"vehicle", "tracks"}
+        Whether θ is taken at the CG or at the middle of each track, which needs a backend with track forces.
     state : VehicleState
         Initial state.
 
     Raises
     ------
     ConfigurationError
-        If a name is unknown, or the backend is for another vehicle or mode.
+        If a name is unknown, the backend is for another vehicle or mode, or it does not know the tracks apart and the
+        ground is to be sampled at each.
     InvalidInputError
         If the tick is not in (0, 1] s.
     """
@@ -88,10 +100,11 @@ class Simulator:
         self,
         vehicle: str | TrackedVehicle,
         backend: str | ForceBackend,
-        ground: str | Ground,
+        ground: str | os.PathLike[str] | Ground,
         *,
         tick: float = 0.01,
         integrator: Integrator = "implicit",
+        ground_sampling: GroundSampling = "vehicle",
         state: VehicleState = VehicleState(),  # noqa: B008 - frozen
     ) -> None:
         self.vehicle: Final = resolve_vehicle(vehicle)
@@ -99,7 +112,15 @@ class Simulator:
         self.backend: Final = make_backend(backend, mode=self._ground.mode, vehicle=self.vehicle)
         if integrator not in INTEGRATORS:
             raise unknown_name("integrator", integrator, INTEGRATORS)
+        if ground_sampling not in GROUND_SAMPLINGS:
+            raise unknown_name("ground sampling", ground_sampling, GROUND_SAMPLINGS)
+        if ground_sampling == "tracks" and not self.backend.has_track_forces:
+            raise ConfigurationError(
+                f"the {self.backend.name!r} backend gives the force of the whole vehicle: use ground_sampling='vehicle', "
+                "or a backend with has_track_forces, such as 'physics'"
+            )
         require_in("tick", tick, 0.0, 1.0, low_open=True)
+        self.ground_sampling: Final[GroundSampling] = ground_sampling
         self.tick: Final = tick
         self.integrator: Final[Integrator] = integrator
         self._tolerance = tolerance(self.backend.resolution)
@@ -148,14 +169,18 @@ class Simulator:
         command = check_command(self.vehicle, command)
         start = self._state
         belts = advance_belts(self.vehicle, (start.v_left, start.v_right), command, self.tick)
-        row = self._row(start, command)
-        guard, detection, evaluate = self._guarded(start.guard, row)
-        step = self._solve(row, evaluate)
+        footing = sample_ground(
+            self._ground, self.vehicle, self.ground_sampling, x=start.x, y=start.y, heading=start.heading
+        )
+        row = self._row(start, command, footing.theta)
+        level_row = level_equivalent(self.backend.interface, row, footing.gravity.load_ratio)
+        guard, detection, evaluate = self._guarded(start.guard, level_row)
+        step = self._solve(row, footing, evaluate)
         if isinstance(evaluate, BlendedForces) and evaluate.primary_failed:
             # The mode is frozen within a tick: the whole of it goes to the fallback.
             failure = Detection(math.inf, "finite", "primary output")
-            guard, detection, evaluate = self._guarded(start.guard, row, failure)
-            step = self._solve(row, evaluate)
+            guard, detection, evaluate = self._guarded(start.guard, level_row, failure)
+            step = self._solve(row, footing, evaluate)
         if step is None or not all(math.isfinite(value) for value in step.body):
             raise SimulationDivergedError(
                 f"no tick from {self.tick:g} s down to a sixteenth was solved at t = {start.time:.3f} s "
@@ -163,14 +188,13 @@ class Simulator:
                 start,
             )
         self._state = self._moved(start, step, belts, guard)
-        return TickRecord(step.row, step.forces, self._state, step.iterations, step.divisions, detection)
+        return TickRecord(step.row, step.forces, self._state, step.iterations, step.divisions, detection, footing)
 
-    def _row(self, start: VehicleState, command: BeltCommand) -> FloatArray:
+    def _row(self, start: VehicleState, command: BeltCommand, theta: FloatArray) -> FloatArray:
         """Return the interface row at the tick's start, belts as the integrator takes them."""
         belts = (start.v_left, start.v_right)
         if self.integrator != "euler":
             belts = advance_belts(self.vehicle, belts, command, self.tick / 2)
-        theta = self._ground.parameters_at(start.x, start.y)
         return np.array([start.vx, start.vy, start.yaw_rate, start.ax, start.ay, *belts, *theta])
 
     def _guarded(
@@ -184,12 +208,12 @@ class Simulator:
         advanced = backend.policy.advance(guard, detection, self.tick)
         return advanced, detection, BlendedForces(backend, advanced.fallback_weight)
 
-    def _solve(self, row: FloatArray, evaluate: ForceFunction) -> BodyStep | None:
+    def _solve(self, row: FloatArray, footing: Footing, evaluate: ForceFunction) -> BodyStep | None:
+        forces = forces_on(footing, self.backend, evaluate)
+        dynamics = Dynamics(self.vehicle, forces, (footing.gravity.x, footing.gravity.y))
         if self.integrator == "euler":
-            return explicit_step(self.vehicle, evaluate, row, step=self.tick)
-        return implicit_step(
-            self.vehicle, evaluate, row, step=self.tick, tolerance=self._tolerance, integrator=self.integrator
-        )
+            return explicit_step(dynamics, row, step=self.tick)
+        return implicit_step(dynamics, row, step=self.tick, tolerance=self._tolerance, integrator=self.integrator)
 
     def _moved(
         self, start: VehicleState, step: BodyStep, belts: tuple[float, float], guard: GuardState

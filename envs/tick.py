@@ -1,22 +1,20 @@
 """One step of the body's equations of motion under a force function: implicit Euler, SDIRK2, explicit Euler.
 
-m(V̇x − ωVy) = Qx, m(V̇y + ωVx) = Qy, I_z ω̇ = Mz, that is ẏ = f(y) for y = (Vx, Vy, ω). Near zero slip the forces are
+m(V̇x − ωVy) = Qx + m g_x, m(V̇y + ωVx) = Qy + m g_y, I_z ω̇ = Mz, that is ẏ = f(y) for y = (Vx, Vy, ω). Near zero slip the forces are
 as stiff as −2.6·10⁴ s⁻¹, and they saturate, so that neither explicit nor linearly implicit steps hold a vehicle still.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
-from ..terrain import FloatArray, TrackedVehicle
+from ..terrain import FloatArray, ForceFunction, TrackedVehicle
 
 Integrator = Literal["implicit", "sdirk2", "euler"]
 INTEGRATORS: Final[tuple[Integrator, ...]] = ("implicit", "sdirk2", "euler")
 
-#: Forces (3,) and Jacobian (3, d) of one interface row.
-ForceFunction = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 Body = tuple[float, float, float]
 
 NEWTON_LIMIT: Final = 8
@@ -65,16 +63,34 @@ def tolerance(resolution: float) -> float:
     return max(TOLERANCE, _TOLERANCE_PER_RESOLUTION * resolution)
 
 
-def body_rates(vehicle: TrackedVehicle, body: Body, forces: FloatArray) -> Body:
-    """Return f(y) = (Qx/m + ωVy, Qy/m − ωVx, Mz/I_z)."""
-    vx, vy, yaw_rate = body
-    qx, qy, mz = forces.tolist()
-    return qx / vehicle.mass + yaw_rate * vy, qy / vehicle.mass - yaw_rate * vx, mz / vehicle.yaw_inertia
+@dataclass(frozen=True)
+class Dynamics:
+    """What moves the body during one tick.
+
+    Parameters
+    ----------
+    vehicle : TrackedVehicle
+        Mass and yaw inertia.
+    evaluate : callable
+        Forces and Jacobian of one interface row.
+    pull : tuple of float
+        (g_x, g_y): gravity along the body axes in m/s², zero on level ground.
+    """
+
+    vehicle: TrackedVehicle
+    evaluate: ForceFunction
+    pull: tuple[float, float] = (0.0, 0.0)
+
+    def rates(self, body: Body, forces: FloatArray) -> Body:
+        """Return f(y) = (Qx/m + g_x + ωVy, Qy/m + g_y − ωVx, Mz/I_z)."""
+        vx, vy, yaw_rate = body
+        qx, qy, mz = forces.tolist()
+        mass, (pull_x, pull_y) = self.vehicle.mass, self.pull
+        return qx / mass + pull_x + yaw_rate * vy, qy / mass + pull_y - yaw_rate * vx, mz / self.vehicle.yaw_inertia
 
 
 def implicit_step(
-    vehicle: TrackedVehicle,
-    evaluate: ForceFunction,
+    dynamics: Dynamics,
     row: FloatArray,
     *,
     step: float,
@@ -85,10 +101,8 @@ def implicit_step(
 
     Parameters
     ----------
-    vehicle : TrackedVehicle
-        Mass and yaw inertia.
-    evaluate : callable
-        Forces and Jacobian of one interface row.
+    dynamics : Dynamics
+        What moves the body.
     row : ndarray, shape (d,)
         Interface row with the body at the start; accelerations, belts and terrain stay as they are.
     step : float
@@ -105,23 +119,22 @@ def implicit_step(
     """
     divisions = 1
     while divisions <= MAXIMUM_DIVISIONS:
-        result = _divided_step(vehicle, evaluate, row, step / divisions, divisions, tolerance, integrator)
+        result = _divided_step(dynamics, row, step / divisions, divisions, tolerance, integrator)
         if result is not None:
             return result
         divisions *= 2
     return None
 
 
-def explicit_step(vehicle: TrackedVehicle, evaluate: ForceFunction, row: FloatArray, *, step: float) -> BodyStep:
+def explicit_step(dynamics: Dynamics, row: FloatArray, *, step: float) -> BodyStep:
     """Advance the body by one explicit Euler step, y⁺ = y + h f(y): what a simple fixed-step solver does."""
-    forces = evaluate(row)[0]
+    forces = dynamics.evaluate(row)[0]
     body: Body = (float(row[0]), float(row[1]), float(row[2]))
-    return BodyStep(_along(body, step, body_rates(vehicle, body, forces)), row.copy(), forces, 0, 1)
+    return BodyStep(_along(body, step, dynamics.rates(body, forces)), row.copy(), forces, 0, 1)
 
 
 def _divided_step(
-    vehicle: TrackedVehicle,
-    evaluate: ForceFunction,
+    dynamics: Dynamics,
     row: FloatArray,
     part: float,
     divisions: int,
@@ -134,9 +147,9 @@ def _divided_step(
     for _ in range(divisions):
         body: Body = (float(row[0]), float(row[1]), float(row[2]))
         if integrator == "sdirk2":
-            solution = _sdirk2(vehicle, evaluate, row, body, part, tolerance)
+            solution = _sdirk2(dynamics, row, body, part, tolerance)
         else:
-            solution = _solve_from_two_guesses(vehicle, evaluate, row, body, body, part, tolerance)
+            solution = _solve_from_two_guesses(dynamics, row, body, body, part, tolerance)
         if solution is None:
             return None
         iterations += solution.iterations
@@ -150,21 +163,18 @@ class _Stage(NamedTuple):
     iterations: int
 
 
-def _sdirk2(
-    vehicle: TrackedVehicle, evaluate: ForceFunction, row: FloatArray, body: Body, step: float, tolerance: float
-) -> _Stage | None:
-    first = _solve_from_two_guesses(vehicle, evaluate, row, body, body, _GAMMA * step, tolerance)
+def _sdirk2(dynamics: Dynamics, row: FloatArray, body: Body, step: float, tolerance: float) -> _Stage | None:
+    first = _solve_from_two_guesses(dynamics, row, body, body, _GAMMA * step, tolerance)
     if first is None:
         return None
-    rates = body_rates(vehicle, first.body, first.forces)
+    rates = dynamics.rates(first.body, first.forces)
     anchor = _along(body, (1.0 - _GAMMA) * step, rates)
-    second = _solve_from_two_guesses(vehicle, evaluate, row, anchor, first.body, _GAMMA * step, tolerance)
+    second = _solve_from_two_guesses(dynamics, row, anchor, first.body, _GAMMA * step, tolerance)
     return second and second._replace(iterations=first.iterations + second.iterations)
 
 
 def _solve_from_two_guesses(
-    vehicle: TrackedVehicle,
-    evaluate: ForceFunction,
+    dynamics: Dynamics,
     row: FloatArray,
     anchor: Body,
     guess: Body,
@@ -172,17 +182,16 @@ def _solve_from_two_guesses(
     tolerance: float,
 ) -> _Stage | None:
     """Solve a stage from a guess, or from rolling without slip: where ground grips hard, the solution is near there."""
-    stage = _solve_stage(vehicle, evaluate, row, anchor, guess, gain, tolerance)
+    stage = _solve_stage(dynamics, row, anchor, guess, gain, tolerance)
     if stage is None:
         left, right = row[5:7].tolist()
-        rolling = ((left + right) / 2, 0.0, (right - left) / vehicle.tread)
-        stage = _solve_stage(vehicle, evaluate, row, anchor, rolling, gain, tolerance)
+        rolling = ((left + right) / 2, 0.0, (right - left) / dynamics.vehicle.tread)
+        stage = _solve_stage(dynamics, row, anchor, rolling, gain, tolerance)
     return stage
 
 
 def _solve_stage(
-    vehicle: TrackedVehicle,
-    evaluate: ForceFunction,
+    dynamics: Dynamics,
     row: FloatArray,
     anchor: Body,
     guess: Body,
@@ -193,23 +202,23 @@ def _solve_stage(
     row = row.copy()
     body = guess
     row[:3] = body
-    forces, jacobian = evaluate(row)
-    residual = _residual(vehicle, body, forces, anchor, gain)
+    forces, jacobian = dynamics.evaluate(row)
+    residual = _residual(dynamics, body, forces, anchor, gain)
     for iteration in range(NEWTON_LIMIT + 1):
         size = _size(residual)
         if size <= tolerance:
             return _Stage(body, forces, iteration)
         if iteration == NEWTON_LIMIT or not math.isfinite(size):
             return None
-        direction = _newton_direction(vehicle, body, jacobian, residual, gain)
+        direction = _newton_direction(dynamics.vehicle, body, jacobian, residual, gain)
         if direction is None:
             return None
         damping = 1.0
         for _ in range(_LINE_SEARCH_LIMIT):
             trial = _along(body, damping, direction)
             row[:3] = trial
-            forces, jacobian = evaluate(row)
-            residual = _residual(vehicle, trial, forces, anchor, gain)
+            forces, jacobian = dynamics.evaluate(row)
+            residual = _residual(dynamics, trial, forces, anchor, gain)
             # An inequality that NaN fails.
             if _size(residual) < size:
                 break
@@ -220,8 +229,8 @@ def _solve_stage(
     return None
 
 
-def _residual(vehicle: TrackedVehicle, body: Body, forces: FloatArray, anchor: Body, gain: float) -> Body:
-    rates = body_rates(vehicle, body, forces)
+def _residual(dynamics: Dynamics, body: Body, forces: FloatArray, anchor: Body, gain: float) -> Body:
+    rates = dynamics.rates(body, forces)
     return (
         body[0] - anchor[0] - gain * rates[0],
         body[1] - anchor[1] - gain * rates[1],

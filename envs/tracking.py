@@ -21,6 +21,7 @@ from ..terrain import (
     InvalidInputError,
     PhysicsBackend,
     SimulationDivergedError,
+    SlopedGround,
     TrackedVehicle,
     make_backend,
     resolve_ground,
@@ -28,6 +29,7 @@ from ..terrain import (
     unknown_name,
 )
 from ..terrain.parameters import require_in
+from .footing import require_covered, track_forces_on
 from .observation import OBSERVATION_BOUND, Observation, belt_command, observation_size, observe, reference_speed
 from .path import Path, Projection
 from .paths import make_path
@@ -94,10 +96,11 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     ----------
     backend : str or ForceBackend
         ``"physics"``, ``"torch"``, ``"native"``, ``"guarded"``, a registered name, or a backend.
-    vehicle : str or TrackedVehicle
-        Preset name or vehicle.
-    terrain : str or Ground
-        Ground name or anything that gives θ at a position; its mode is the backend's.
+    vehicle : str, path-like or TrackedVehicle
+        Preset name, catalogue file or vehicle.
+    terrain : str, path-like or Ground
+        Ground name, a TOML file of one, an ``.npz`` file of a terrain field, or anything that gives θ and a slope at a
+        position; its mode is the backend's.
     path : str or Path
         ``straight``, ``circle``, ``sine``, ``figure-eight``, ``iso-3888-1``, a CSV file of x, y, or a path.
     render_mode : {"rgb_array", "human"}, optional
@@ -127,8 +130,8 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def __init__(
         self,
         backend: str | ForceBackend = "native",
-        vehicle: str | TrackedVehicle = "m113",
-        terrain: str | Ground = "asphalt",
+        vehicle: str | os.PathLike[str] | TrackedVehicle = "m113",
+        terrain: str | os.PathLike[str] | Ground = "asphalt",
         path: str | os.PathLike[str] | Path = "iso-3888-1",
         *,
         render_mode: RenderMode | None = None,
@@ -140,10 +143,15 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.config: Final = tracking_config(settings)
         self.vehicle: Final = resolve_vehicle(vehicle)
         self.path: Final = path if isinstance(path, Path) else make_path(path, self.vehicle)
-        self._ground: Ground = resolve_ground(terrain)
+        self._ground: Ground = self._sloped(terrain)
         built = make_backend(backend, mode=self._ground.mode, vehicle=self.vehicle, **(backend_options or {}))
         self.simulator: Final = Simulator(
-            self.vehicle, built, self._ground, tick=self.config.tick, integrator=self.config.integrator
+            self.vehicle,
+            built,
+            self._ground,
+            tick=self.config.tick,
+            integrator=self.config.integrator,
+            ground_sampling=self.config.ground_sampling,
         )
         self._ticks = whole_ratio(self.config.control_period, self.config.tick, "control_period and tick")
         self._steps = whole_ratio(self.config.time_limit, self.config.control_period, "time_limit and control_period")
@@ -188,7 +196,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             heading=direction + float(heading),
         )
         state = chosen.get("state", drawn)
-        self.simulator.set_ground(resolve_ground(chosen.get("terrain", self._ground)))
+        self.simulator.set_ground(self._sloped(chosen["terrain"]) if "terrain" in chosen else self._ground)
         self.simulator.set_state(replace(state, time=0.0))
         near = None if "state" in chosen else arc_length
         self._foot = self.path.project(state.x, state.y, near=near, heading=state.heading)
@@ -200,6 +208,15 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self.render_mode == "human":
             self.render()
         return self._observation(), {"cross_track_error": self._foot.cross_track, "progress": 0.0}
+
+    def _sloped(self, terrain: str | os.PathLike[str] | Ground) -> Ground:
+        """Return the ground on the configured slope, once its map is seen to reach as far as an episode can."""
+        ground = resolve_ground(terrain)
+        overshoot = self.vehicle.maximum_speed * self.config.control_period + self.vehicle.tread
+        require_covered(ground, self.path, self.config.maximum_cross_track + overshoot)
+        if self.config.grade == 0 and self.config.bank == 0:
+            return ground
+        return SlopedGround(ground, self.config.grade, self.config.bank)
 
     def _check_reach(self, options: ResetOptions) -> None:
         fastest, widest, longest = self.vehicle.maximum_speed, self.config.maximum_cross_track, self.path.length
@@ -288,16 +305,9 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _slip_power(self, record: TickRecord) -> float:
         """Return VtL F_L + VtR F_R − (Qx Vx + Qy Vy + Mz ω) of the shear forces, in W."""
-        row = self._without_rolling(record.row)
-        tracks = self._slip_block.track_forces(row, row)[0]
-        belt_power = float(row[5:7] @ tracks[:, 0])
-        return belt_power - float(row[:3] @ tracks.sum(axis=0))
-
-    def _without_rolling(self, row: FloatArray) -> FloatArray:
-        """Return a row with f_r = 0: rolling resistance acts on the body, and belts turn against the shear alone."""
-        shear = row.copy()
-        shear[self._slip_block.interface.index("fr")] = 0.0
-        return shear
+        tracks = track_forces_on(record.footing, self._slip_block, record.row, rolling=False)
+        belt_power = float(record.row[5:7] @ tracks[:, 0])
+        return belt_power - float(record.row[:3] @ tracks.sum(axis=0))
 
     def _info(self, record: TickRecord) -> dict[str, Any]:
         backend = self.simulator.backend
@@ -307,9 +317,9 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             "cross_track_error": self._foot.cross_track,
         }
         if backend.has_track_forces:
-            shear = backend.track_forces(*[self._without_rolling(record.row)] * 2)[0]
+            shear = track_forces_on(record.footing, backend, record.row, rolling=False)
             info |= {
-                "track_forces": backend.track_forces(record.row, record.row)[0],
+                "track_forces": track_forces_on(record.footing, backend, record.row),
                 "sprocket_power": float(record.row[5:7] @ shear[:, 0]),
             }
         if isinstance(backend, GuardedBackend) and record.detection is not None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Final, Literal, TypedDict, cast
 
-from ..terrain import InvalidInputError, Terrain, resolve_terrain, unknown_name
+from ..terrain import Ground, InvalidInputError, resolve_ground, unknown_name
 from ..terrain.parameters import require_in
+from .footing import GROUND_SAMPLINGS, GroundSampling
 from .state import VehicleState
 from .tick import INTEGRATORS, Integrator
 
@@ -31,7 +33,7 @@ class ResetOptions(TypedDict, total=False):
         From the path's heading, in rad.
     speed : float
         Initial speed in m/s, belts alike.
-    terrain : str or Terrain
+    terrain : str, path-like or Ground
         Ground of the episode, of the backend's mode.
     """
 
@@ -40,7 +42,7 @@ class ResetOptions(TypedDict, total=False):
     lateral_offset: float
     heading_offset: float
     speed: float
-    terrain: str | Terrain
+    terrain: str | os.PathLike[str] | Ground
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,10 @@ class TrackingConfig:
         T_s in s.
     integrator : str
         Of the simulator.
+    ground_sampling : {"vehicle", "tracks"}
+        Whether θ is taken at the CG or at each track; see :class:`~grouser.envs.Simulator`.
+    grade, bank : float
+        Slope of the plane in rad, along its x and y axes, positive uphill; added to the ground's own.
     reference_speed : float or None
         Speed at which progress earns most, in m/s; half the training speed by default.
     yaw_rate_scale : float
@@ -81,13 +87,16 @@ class TrackingConfig:
     InvalidInputError
         If a number is impossible.
     ConfigurationError
-        If the action mode or the integrator is unknown.
+        If the action mode, the integrator or the ground sampling is unknown.
     """
 
     action_mode: ActionMode = "belts"
     control_period: float = 0.1
     tick: float = 0.01
     integrator: Integrator = "implicit"
+    ground_sampling: GroundSampling = "vehicle"
+    grade: float = 0.0
+    bank: float = 0.0
     reference_speed: float | None = None
     yaw_rate_scale: float = 1.0
     observe_terrain: bool = False
@@ -107,6 +116,10 @@ class TrackingConfig:
             raise unknown_name("action mode", self.action_mode, ACTION_MODES)
         if self.integrator not in INTEGRATORS:
             raise unknown_name("integrator", self.integrator, INTEGRATORS)
+        if self.ground_sampling not in GROUND_SAMPLINGS:
+            raise unknown_name("ground sampling", self.ground_sampling, GROUND_SAMPLINGS)
+        for name in ("grade", "bank"):
+            require_in(name, getattr(self, name), -math.pi / 4, math.pi / 4)
         for name in ("observe_terrain", "random_start"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidInputError(f"{name} must be True or False, got {getattr(self, name)!r}")
@@ -151,7 +164,7 @@ def check_reset_options(options: Mapping[str, Any]) -> ResetOptions:
         if key not in ResetOptions.__annotations__:
             raise unknown_name("reset option", key, ResetOptions.__annotations__)
         if key == "terrain":
-            checked[key] = resolve_terrain(value)
+            checked[key] = resolve_ground(value)
         elif key == "state":
             if not isinstance(value, VehicleState):
                 raise InvalidInputError(f"the reset option state takes a VehicleState, got {value!r}")

@@ -1,7 +1,8 @@
 """Which force does the ground return? Interface, terrains, vehicles, the block's equations, and force backends."""
 
 from .backend import ForceBackend, assemble
-from .block import ShearGrid, block_forces, reference_forces
+from .block import SHEAR_PATHS, ShearGrid, ShearPath, block_forces, reference_forces
+from .catalogue import Sheet, SourcedNumber, read_terrains, read_vehicles, terrain_sheet, vehicle_sheet
 from .compiled import CompiledBackend
 from .errors import (
     ArtifactError,
@@ -12,8 +13,11 @@ from .errors import (
     missing_extra,
     unknown_name,
 )
+from .exact import ExactBackend
+from .field import OUTSIDE_RULES, Outside, TerrainField
+from .field_file import load_field, save_field
 from .files import write_aside, write_json
-from .ground import Ground, SteppedTerrain, resolve_ground
+from .ground import Ground, SlopedGround, resolve_ground
 from .guard import BlendedForces, Detection, Detector, GuardedBackend, GuardMode, GuardState, SwitchingPolicy
 from .interface import (
     MODES,
@@ -33,6 +37,7 @@ from .interface import (
 )
 from .named import named, resolve_terrain, terrain_names
 from .namespace import NUMPY, ArrayNamespace, casadi_namespace, torch_namespace
+from .painting import Disc, Noise, Patch, Rectangle, Shape, paint_field
 from .parameters import (
     RANGE_NAMES,
     ParameterRanges,
@@ -44,21 +49,26 @@ from .parameters import (
 )
 from .physics import PhysicsBackend, physics_options
 from .registry import backend_names, make_backend, register_backend
+from .slope import LEVEL, ForceFunction, Gravity, body_gravity, level_equivalent, on_slope
 from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle, resolve_vehicle, vehicle_names
 
 register_backend("physics", PhysicsBackend)
+register_backend("exact", ExactBackend)
 
 __all__ = [
     "CONTACTS",
     "GRAVITY",
+    "LEVEL",
     "MODES",
     "MOTION_NAMES",
     "MOTION_SIZE",
     "NUMPY",
     "OUTPUTS",
     "OUTPUT_NAMES",
+    "OUTSIDE_RULES",
     "RANGE_NAMES",
     "RIGID",
+    "SHEAR_PATHS",
     "SOIL",
     "ArrayNamespace",
     "ArtifactError",
@@ -69,8 +79,12 @@ __all__ = [
     "Contact",
     "Detection",
     "Detector",
+    "Disc",
+    "ExactBackend",
     "FloatArray",
     "ForceBackend",
+    "ForceFunction",
+    "Gravity",
     "Ground",
     "GrouserError",
     "GuardMode",
@@ -79,38 +93,57 @@ __all__ = [
     "Interface",
     "InvalidInputError",
     "Mode",
+    "Noise",
+    "Outside",
     "ParameterRanges",
+    "Patch",
     "PhysicsBackend",
+    "Rectangle",
     "RigidTerrain",
+    "Shape",
     "ShearGrid",
+    "ShearPath",
+    "Sheet",
     "SimulationDivergedError",
+    "SlopedGround",
     "SoilTerrain",
-    "SteppedTerrain",
+    "SourcedNumber",
     "SwitchingPolicy",
     "Terrain",
+    "TerrainField",
     "TrackedVehicle",
     "assemble",
     "backend_names",
     "block_forces",
+    "body_gravity",
     "casadi_namespace",
     "interface",
+    "level_equivalent",
+    "load_field",
     "make_backend",
     "mirror_forces",
     "missing_extra",
     "named",
+    "on_slope",
+    "paint_field",
     "parameter_ranges",
     "physics_options",
+    "read_terrains",
+    "read_vehicles",
     "reference_forces",
     "register_backend",
     "resolve_ground",
     "resolve_terrain",
     "resolve_vehicle",
     "reverse_forces",
+    "save_field",
     "terrain_from_mapping",
     "terrain_names",
+    "terrain_sheet",
     "torch_namespace",
     "unknown_name",
     "vehicle_names",
+    "vehicle_sheet",
     "write_aside",
     "write_json",
 ]

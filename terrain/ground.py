@@ -1,19 +1,26 @@
-"""The ground under a moving vehicle: anything that gives θ at a position."""
+"""The ground under a moving vehicle: anything that gives θ and the slope at a position."""
 
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 from typing import Protocol
 
-from .errors import ConfigurationError, InvalidInputError
+from .errors import InvalidInputError
+from .field_file import FIELD_SUFFIX, load_field
 from .interface import FloatArray, Mode
 from .named import named
-from .parameters import Terrain
+from .parameters import require_in
+
+Gradient = tuple[float, float]
 
 
 class Ground(Protocol):
-    """One terrain mode, and its parameters at every position. Every terrain is a ground that is alike everywhere."""
+    """One terrain mode, and its parameters and slope at every position.
+
+    Every terrain is a ground that is alike everywhere, and level.
+    """
 
     @property
     def mode(self) -> Mode:
@@ -22,56 +29,67 @@ class Ground(Protocol):
     def parameters_at(self, x: float, y: float) -> FloatArray:
         """Return θ at (x, y) in m, in interface order."""
 
+    def gradient_at(self, x: float, y: float) -> Gradient:
+        """Return (∂z/∂x, ∂z/∂y) of the surface at (x, y) in m."""
+
 
 @dataclass(frozen=True)
-class SteppedTerrain:
-    """One terrain up to a line across the x axis and another beyond it.
+class SlopedGround:
+    """A ground on a plane that is tilted, added to whatever slope it has of its own.
 
     Parameters
     ----------
-    before, beyond : Terrain
-        Of the same mode.
-    boundary : float
-        x in m of the line.
+    ground : Ground
+        What the plane consists of.
+    grade : float
+        Slope along the plane's x axis in rad, in (−π/4, π/4); positive where x leads uphill.
+    bank : float
+        Slope along its y axis in rad, in (−π/4, π/4); positive where y leads uphill.
 
     Raises
     ------
-    ConfigurationError
-        If the modes differ.
     InvalidInputError
-        If the boundary is not finite.
+        If a slope is out of range.
     """
 
-    before: Terrain
-    beyond: Terrain
-    boundary: float
+    ground: Ground
+    grade: float = 0.0
+    bank: float = 0.0
 
     def __post_init__(self) -> None:
-        if not math.isfinite(self.boundary):
-            raise InvalidInputError(f"boundary must be finite, got {self.boundary!r}")
-        if self.before.mode != self.beyond.mode:
-            raise ConfigurationError(
-                f"a ground has one mode, got {self.before.mode} before and {self.beyond.mode} beyond the boundary"
-            )
+        for name in ("grade", "bank"):
+            require_in(name, getattr(self, name), -math.pi / 4, math.pi / 4)
 
     @property
     def mode(self) -> Mode:
         """Terrain mode."""
-        return self.before.mode
+        return self.ground.mode
 
     def parameters_at(self, x: float, y: float) -> FloatArray:
-        """Return θ of the side that (x, y) lies on."""
-        return (self.before if x < self.boundary else self.beyond).parameters
+        """Return θ of the ground itself."""
+        return self.ground.parameters_at(x, y)
+
+    def gradient_at(self, x: float, y: float) -> Gradient:
+        """Return (tan grade, tan bank) plus the ground's own gradient."""
+        along, aside = self.ground.gradient_at(x, y)
+        return along + math.tan(self.grade), aside + math.tan(self.bank)
 
 
-def resolve_ground(ground: str | Ground) -> Ground:
-    """Return a ground given by name or as itself.
+def resolve_ground(ground: str | os.PathLike[str] | Ground) -> Ground:
+    """Return a ground given by name, by a TOML or ``.npz`` file, or as itself.
 
     Raises
     ------
     ConfigurationError
-        If it is neither.
+        If the name is unknown.
+    InvalidInputError
+        If it is something else, or the file cannot be read.
     """
-    if not isinstance(ground, str) and hasattr(ground, "mode") and hasattr(ground, "parameters_at"):
-        return ground
-    return named(str(ground))
+    if isinstance(ground, str | os.PathLike):
+        return load_field(ground) if os.fspath(ground).endswith(FIELD_SUFFIX) else named(ground)
+    for member in ("mode", "parameters_at", "gradient_at"):
+        if not hasattr(ground, member):
+            raise InvalidInputError(
+                f"a ground has mode, parameters_at and gradient_at, got {ground!r} without {member}"
+            )
+    return ground

@@ -28,6 +28,19 @@ def require_in(name: str, value: float, low: float, high: float, *, low_open: bo
         raise InvalidInputError(f"{name} must lie in {bracket}{low:g}, {high:g}], got {value!r}")
 
 
+#: Interval of every parameter, in interface order. A ground needs strength besides: μ > 0, or c and φ not both 0.
+PARAMETER_LIMITS: Final[Mapping[Mode, tuple[tuple[float, float], ...]]] = {
+    "rigid": ((0.0, 2.0), (0.0, 1.0), (1e-6, 1.0)),
+    "soil": ((0.0, 5e5), (0.0, 1.2), (0.0, 1.0), (1e-6, 1.0)),
+}
+
+
+def _require_within_limits(terrain: Terrain) -> None:
+    limits = zip(interface(terrain.mode).parameter_names, PARAMETER_LIMITS[terrain.mode], strict=True)
+    for name, (low, high) in limits:
+        require_in(name, getattr(terrain, name), low, high, low_open=name == "mu")
+
+
 @dataclass(frozen=True)
 class RigidTerrain:
     """Firm ground, where friction limits the shear stress: τ_max = μ p.
@@ -54,9 +67,7 @@ class RigidTerrain:
     mode: ClassVar[Mode] = "rigid"
 
     def __post_init__(self) -> None:
-        require_in("mu", self.mu, 0.0, 2.0, low_open=True)
-        require_in("fr", self.fr, 0.0, 1.0)
-        require_in("k", self.k, 1e-6, 1.0)
+        _require_within_limits(self)
 
     @property
     def parameters(self) -> FloatArray:
@@ -66,6 +77,10 @@ class RigidTerrain:
     def parameters_at(self, x: float, y: float) -> FloatArray:
         """θ under a vehicle at (x, y) in m: the same everywhere."""
         return self.parameters
+
+    def gradient_at(self, x: float, y: float) -> tuple[float, float]:
+        """Slope of the surface at (x, y) in m: level everywhere."""
+        return 0.0, 0.0
 
 
 @dataclass(frozen=True)
@@ -97,10 +112,7 @@ class SoilTerrain:
     mode: ClassVar[Mode] = "soil"
 
     def __post_init__(self) -> None:
-        require_in("c", self.c, 0.0, 5e5)
-        require_in("phi", self.phi, 0.0, 1.2)
-        require_in("fr", self.fr, 0.0, 1.0)
-        require_in("k", self.k, 1e-6, 1.0)
+        _require_within_limits(self)
         if self.c == 0 and self.phi == 0:
             raise InvalidInputError("a soil needs strength: c and phi are both 0")
 
@@ -113,8 +125,17 @@ class SoilTerrain:
         """θ under a vehicle at (x, y) in m: the same everywhere."""
         return self.parameters
 
+    def gradient_at(self, x: float, y: float) -> tuple[float, float]:
+        """Slope of the surface at (x, y) in m: level everywhere."""
+        return 0.0, 0.0
+
 
 Terrain = RigidTerrain | SoilTerrain
+
+
+def terrain_type(mode: Mode) -> type[RigidTerrain | SoilTerrain]:
+    """Return the class of the terrains of a mode."""
+    return RigidTerrain if mode == "rigid" else SoilTerrain
 
 
 def terrain_from_mapping(values: Mapping[str, Any]) -> Terrain:
@@ -129,7 +150,7 @@ def terrain_from_mapping(values: Mapping[str, Any]) -> Terrain:
     """
     remaining = dict(values)
     mode = interface(remaining.pop("mode", "rigid" if "mu" in remaining else "soil")).mode
-    kind: type[Terrain] = RigidTerrain if mode == "rigid" else SoilTerrain
+    kind = terrain_type(mode)
     known = {field.name for field in fields(kind)}
     for key in remaining:
         if key not in known:

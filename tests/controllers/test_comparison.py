@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from grounds import stepped
 
 from grouser.controllers import (
     ComparisonRow,
@@ -41,7 +42,6 @@ from grouser.terrain import (
     Mode,
     PhysicsBackend,
     RigidTerrain,
-    SteppedTerrain,
     TrackedVehicle,
     named,
     register_backend,
@@ -141,6 +141,9 @@ class Strip:
 
     def parameters_at(self, x: float, y: float) -> FloatArray:
         return (SLIPPERY if self.begin <= x < self.end else ASPHALT).parameters
+
+    def gradient_at(self, x: float, y: float) -> tuple[float, float]:
+        return 0.0, 0.0
 
 
 class Cruise:
@@ -310,7 +313,7 @@ def test_without_a_corridor_there_is_no_violation(bent: dict[str, Drive]) -> Non
 
 
 def test_a_guard_that_falls_back_for_good_is_counted() -> None:
-    onto = scenario(ground=SteppedTerrain(ASPHALT, SLIPPERY, 4.0))
+    onto = scenario(ground=stepped(ASPHALT, SLIPPERY, 4.0))
     drive = by_backend(compare([onto], ["test-guard"]))["test-guard"]
     # Two votes of three: from the second tick on that starts on slippery ground.
     strange = np.flatnonzero(drive.log.state("x")[:-1] >= 4.0)
@@ -384,7 +387,7 @@ def test_a_drive_to_the_end_is_finished() -> None:
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_a_backend_that_breaks_on_the_way_leaves_a_row_and_the_others_alone(value: float) -> None:
     options = {"test-breaks": {"value": value}}
-    onto = scenario(ground=SteppedTerrain(ASPHALT, SLIPPERY, 4.0), backend_options=options)
+    onto = scenario(ground=stepped(ASPHALT, SLIPPERY, 4.0), backend_options=options)
     drives = compare([onto], ["test-breaks", "test-scaled"])
     rows = by_backend(drives)
     broken = rows["test-breaks"]
@@ -461,7 +464,7 @@ def test_a_path_that_crosses_itself_at_its_start_is_driven_from_its_start(seed: 
 
 def test_two_comparisons_are_equal_but_for_their_times() -> None:
     def once() -> list[Drive]:
-        onto = scenario(BEND, SteppedTerrain(ASPHALT, SLIPPERY, 7.0))
+        onto = scenario(BEND, stepped(ASPHALT, SLIPPERY, 7.0))
         return compare([onto], ["test-guard", "test-scaled"], seeds=(0, 5))
 
     first, second = once(), once()

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from grounds import stepped
 
 from grouser.controllers import PolicyDriver, TrackingPolicy
 from grouser.envs import BeltCommand, Path, PathTrackingEnv, Simulator, TickRecord, TrackingConfig, rollout
@@ -24,7 +25,6 @@ from grouser.terrain import (
     FloatArray,
     Ground,
     PhysicsBackend,
-    SteppedTerrain,
     TrackedVehicle,
     named,
     parameter_ranges,
@@ -226,7 +226,7 @@ EPISODES: dict[str, tuple[Callable[[], Path], Ground, dict[str, Any], dict[str, 
     ),
     "sees the terrain change": (
         lambda: straight(60.0),
-        SteppedTerrain(ASPHALT, ICE, 6.0),
+        stepped(ASPHALT, ICE, 6.0),
         {"action_mode": "twist", "observe_terrain": True},
         {"lateral_offset": 0.2},
     ),

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from grounds import stepped
 from PIL import Image
 
 from grouser.controllers import Drive, PurePursuit, Scenario, compare, document
@@ -27,7 +28,6 @@ from grouser.terrain import (
     Mode,
     PhysicsBackend,
     RigidTerrain,
-    SteppedTerrain,
     TrackedVehicle,
     named,
     register_backend,
@@ -60,7 +60,7 @@ register_backend("test-report-guard", _guard)
 
 
 def scenario(name: str = "yard", path: Path = LANE, controllers: Sequence[str] = ("pursuit",)) -> Scenario:
-    ground = SteppedTerrain(named("asphalt"), RigidTerrain(0.3), 2.0)
+    ground = stepped(named("asphalt"), RigidTerrain(0.3), 2.0)
     drivers: dict[str, Callable[[], Driver]] = {key: lambda: PurePursuit(path, M113, 5.0) for key in controllers}
     return Scenario(name, "asphalt, then worse", ground, path, M113, 5.0, drivers, time_limit=3.0)
 

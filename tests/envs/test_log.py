@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from grounds import stepped
 
 from grouser.envs import INTEGRATORS, STATE_NAMES, Integrator, InterfaceLog, Simulator, VehicleState, rollout
 from grouser.surrogate import Surrogate
@@ -19,7 +20,6 @@ from grouser.terrain import (
     GuardedBackend,
     Mode,
     PhysicsBackend,
-    SteppedTerrain,
     Terrain,
     TrackedVehicle,
     make_backend,
@@ -194,7 +194,7 @@ def test_the_belts_are_those_half_a_tick_on_or_with_euler_at_the_start(drive: Dr
 @every_ground
 def test_theta_is_that_under_the_vehicle_at_the_start_of_the_tick(drive: Drive, mode: Mode) -> None:
     before, beyond = GROUNDS[mode], named({"rigid": "ice", "soil": "snow-us"}[mode])
-    log = drive(mode, ground=SteppedTerrain(before, beyond, boundary=1.0))
+    log = drive(mode, ground=stepped(before, beyond, 1.0))
     expected = np.where((log.state("x")[:-1] < 1.0)[:, None], before.parameters, beyond.parameters)
     np.testing.assert_array_equal(log.inputs[:, 7:], expected)
     assert len(np.unique(log.inputs[:, 7:], axis=0)) == 2

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from grounds import stepped
 
 from grouser.envs import Path, TrackingConfig, VehicleState
 from grouser.envs.observation import belt_command, observation_size, observe, reference_speed
@@ -16,7 +17,6 @@ from grouser.terrain import (
     Ground,
     RigidTerrain,
     SoilTerrain,
-    SteppedTerrain,
     TrackedVehicle,
     named,
     parameter_ranges,
@@ -143,7 +143,7 @@ def test_terrain_parameters_run_from_minus_one_to_one_over_the_wide_ranges(mode:
 
 
 def test_the_terrain_is_that_under_the_vehicle() -> None:
-    ground = SteppedTerrain(RigidTerrain(0.8), RigidTerrain(0.2), 20.0)
+    ground = stepped(RigidTerrain(0.8), RigidTerrain(0.2), 20.0)
     before, beyond = (see(VehicleState(x=x), ground=ground, observe_terrain=True) for x in (19.9, 20.1))
     # μ over .1 to 1.0
     assert before[19] == pytest.approx(2 * 0.7 / 0.9 - 1, abs=1e-6)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from grounds import stepped
 
 from grouser.envs import (
     INTEGRATORS,
@@ -34,7 +35,6 @@ from grouser.terrain import (
     RigidTerrain,
     SimulationDivergedError,
     SoilTerrain,
-    SteppedTerrain,
     SwitchingPolicy,
     Terrain,
     TrackedVehicle,
@@ -346,6 +346,9 @@ class Bands:
     def parameters_at(self, x: float, y: float) -> FloatArray:
         return np.array([self.frictions[min(max(int(x), 0), len(self.frictions) - 1)], 0.03, 0.025])
 
+    def gradient_at(self, x: float, y: float) -> tuple[float, float]:
+        return 0.0, 0.0
+
 
 class Spy(ForceBackend):
     """Passes calls on and counts them."""
@@ -505,7 +508,7 @@ class TestGround:
         ids=["rigid", "soil"],
     )
     def test_is_sampled_under_the_cg_at_the_start_of_the_tick(self, before: Terrain, beyond: Terrain) -> None:
-        ground = SteppedTerrain(before, beyond, boundary=0.5)
+        ground = stepped(before, beyond, 0.5)
         simulator = Simulator(M113, "physics", ground, state=VehicleState.rolling(3.0))
         x, sides = 0.0, []
         for _ in range(40):

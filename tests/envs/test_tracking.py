@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from grounds import stepped
 from gymnasium.utils.env_checker import check_env as gymnasium_check
 from numpy.typing import NDArray
 
@@ -27,7 +28,6 @@ from grouser.terrain import (
     Mode,
     PhysicsBackend,
     SoilTerrain,
-    SteppedTerrain,
     TrackedVehicle,
     named,
     parameter_ranges,
@@ -158,7 +158,7 @@ class TestMaking:
 
     def test_paths_and_grounds_as_objects(self) -> None:
         path = Path.from_points("mine", [[0.0, 0.0], [10.0, 0.0], [20.0, 2.0]])
-        ground = SteppedTerrain(named("asphalt"), named("ice"), 3.0)
+        ground = stepped(named("asphalt"), named("ice"), 3.0)
         env = PathTrackingEnv("physics", M113, ground, path, observe_terrain=True)
         assert env.path is path
         env.reset(seed=0, options={"speed": 5.0})
@@ -572,8 +572,8 @@ class TestEnds:
         )
         # Steers back to the ring by the observation.
         env = PathTrackingEnv(viscous(vehicle, rate=50.0, follow_belts=True), vehicle, path=path, action_mode="twist")
-        observation, _ = env.reset(options={"arc_length": 9.0, "lateral_offset": 0.0, "heading_offset": 0.0})
-        lap = 2 * math.pi * radius
+        observation, _ = env.reset(seed=0, options={"arc_length": 9.0, "lateral_offset": 0.0, "heading_offset": 0.0})
+        assert path.length == pytest.approx(2 * math.pi * radius, rel=1e-4)
         steps = 0
         for _ in range(400):
             steps += 1
@@ -581,7 +581,7 @@ class TestEnds:
             observation, _, terminated, truncated, info = env.step(act(0.9, min(max(0.9 * wanted, -1.0), 1.0)))
             assert not truncated
             assert abs(info["cross_track_error"]) < 0.3
-            assert terminated == (info["progress"] >= lap - 1e-3)
+            assert terminated == (info["progress"] >= path.length)
             if terminated:
                 break
         assert 100 < steps < 200
@@ -757,7 +757,7 @@ class TestInfo:
 
     def test_a_guard_tells_who_answered(self, viscous: Callable[..., ForceBackend]) -> None:
         backend = GuardedBackend(viscous(follow_belts=True), PhysicsBackend(M113, "rigid"), FlagIce())
-        env = PathTrackingEnv(backend, M113, SteppedTerrain(named("asphalt"), named("ice"), 1.5), "straight")
+        env = PathTrackingEnv(backend, M113, stepped(named("asphalt"), named("ice"), 1.5), "straight")
         env.reset(seed=0, options={"speed": 5.0})
         seen = []
         for _ in range(6):
