@@ -12,7 +12,9 @@ from ..envs import path_names
 from ..terrain import InvalidInputError, backend_names, terrain_names, vehicle_names
 
 
-def _starting_with(names: Callable[[], tuple[str, ...]]) -> Callable[[str], list[str]]:
+def starting_with(names: Callable[[], tuple[str, ...]]) -> Callable[[str], list[str]]:
+    """Return what completes an option to one of the names."""
+
     def complete(incomplete: str) -> list[str]:
         return [name for name in names() if name.startswith(incomplete)]
 
@@ -26,13 +28,17 @@ def _one_of(names: tuple[str, ...]) -> str:
 Vehicle = Annotated[
     str,
     typer.Option(
-        metavar="NAME", help=f"Vehicle: {_one_of(vehicle_names())}.", autocompletion=_starting_with(vehicle_names)
+        metavar="NAME|FILE.toml",
+        help=f"Vehicle: {_one_of(vehicle_names())}, or a TOML file of your own.",
+        autocompletion=starting_with(vehicle_names),
     ),
 ]
 Terrain = Annotated[
     str,
     typer.Option(
-        metavar="NAME", help=f"Ground: {_one_of(terrain_names())}.", autocompletion=_starting_with(terrain_names)
+        metavar="NAME|FILE.toml",
+        help=f"Ground: {_one_of(terrain_names())}, or a TOML file of your own.",
+        autocompletion=starting_with(terrain_names),
     ),
 ]
 PathOrFile = Annotated[
@@ -41,7 +47,7 @@ PathOrFile = Annotated[
         "--path",
         metavar="NAME|FILE.csv",
         help=f"Path: {_one_of(path_names())}, or a CSV file of x, y in m.",
-        autocompletion=_starting_with(path_names),
+        autocompletion=starting_with(path_names),
     ),
 ]
 Backend = Annotated[
@@ -49,7 +55,7 @@ Backend = Annotated[
     typer.Option(
         metavar="NAME",
         help=f"Who gives the force: {_one_of(backend_names())}.",
-        autocompletion=_starting_with(backend_names),
+        autocompletion=starting_with(backend_names),
     ),
 ]
 Speed = Annotated[float, typer.Option(metavar="M/S", help="Reference speed, and speed at the start, in m/s.")]
@@ -61,6 +67,12 @@ Artifact = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Of every random draw; the same seed gives the same result.")]
 Workers = Annotated[int, typer.Option(min=1, help="Processes. The results do not depend on their number.")]
+
+
+def label_of(name_or_file: str) -> str:
+    """Return what rows and files are called after: a name itself, of a file its entry or its stem."""
+    file, _, entry = name_or_file.partition("#")
+    return entry or Path(file).stem
 
 
 def names_of(text: str, what: str) -> list[str]:

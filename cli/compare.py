@@ -12,13 +12,14 @@ from ..envs import make_path
 from ..terrain import InvalidInputError, TrackedVehicle, named
 from ._console import StageBars, out, print_facts
 from ._drivers import driver_factory, fitting_artifact, one_torch_thread
-from ._options import PathOrFile, Speed, Vehicle, names_of
+from ._options import PathOrFile, Speed, Vehicle, label_of, names_of
 from ._tables import drives_table, surrogates_table
 
 
 def compare(
     terrain: Annotated[
-        str, typer.Option(metavar="NAME,...", help="Grounds, one scenario each; see grouser drive --help.")
+        str,
+        typer.Option(metavar="NAME|FILE.toml,...", help="Grounds, one scenario each; see grouser list terrains."),
     ] = "asphalt",
     path: PathOrFile = "iso-3888-1",
     controller: Annotated[
@@ -59,8 +60,10 @@ def compare(
     wanted = names_of(backends, "--backends")
     began = perf_counter()
     scenarios, surrogates = [], {}
-    for name in names_of(terrain, "--terrain"):
-        ground = named(name)
+    grounds = {label_of(name): named(name) for name in names_of(terrain, "--terrain")}
+    if len(grounds) < len(names_of(terrain, "--terrain")):
+        raise InvalidInputError(f"two grounds of one name: {terrain}; rename a ground's file")
+    for name, ground in grounds.items():
         surrogate = fitting_artifact(artifact or [], ground.mode)
         made = [driver_factory(who, track, machine, ground, speed) for who in names_of(controller, "--controller")]
         if len(dict(made)) < len(made):
@@ -78,8 +81,8 @@ def compare(
         )
         tell("drives", total, total)
     meta: dict[str, Any] = {
-        "summary": f"{vehicle} at {speed:g} m/s along {track.name}; starts up to 0.1 m and 0.01 rad off the path.",
-        "vehicle": vehicle,
+        "summary": f"{machine.name} at {speed:g} m/s along {track.name}; starts up to 0.1 m and 0.01 rad off the path.",
+        "vehicle": machine.name,
         "path": track.name,
         "speed": speed,
         "artifacts": {name: surrogate.content_hash for name, surrogate in surrogates.items()},

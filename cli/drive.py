@@ -14,7 +14,7 @@ from ..terrain import SimulationDivergedError, TrackedVehicle, make_backend, nam
 from ._console import print_facts
 from ._drivers import driver_factory, fitting_artifact, one_torch_thread
 from ._log_file import write_log
-from ._options import Artifact, Backend, PathOrFile, Speed, Terrain, Vehicle
+from ._options import Artifact, Backend, PathOrFile, Speed, Terrain, Vehicle, label_of
 from ._replay import check_target, replay
 
 _CONTROL_PERIOD = 0.1
@@ -71,7 +71,7 @@ def drive(
     if log is not None:
         write_log(log, driven)
     if render:
-        replay(driven, track, machine, f"{terrain}, {backend}", render, _CONTROL_PERIOD)
+        replay(driven, track, machine, f"{label_of(terrain)}, {backend}", render, _CONTROL_PERIOD)
     if diverged is not None:
         raise diverged
 

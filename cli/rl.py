@@ -14,7 +14,7 @@ from ..envs import PathTrackingEnv
 from ..terrain import InvalidInputError, named
 from ._console import StageBars, out, print_facts
 from ._drivers import fitting_artifact
-from ._options import Artifact, Backend, PathOrFile, Seed, Terrain, Vehicle, whole_numbers
+from ._options import Artifact, Backend, PathOrFile, Seed, Terrain, Vehicle, label_of, whole_numbers
 from ._tables import table
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def train(
     print_facts(
         {
             "policy": output,
-            "task": f"{vehicle} on {terrain} along {path} at {speed:g} m/s, {backend} backend",
+            "task": f"{label_of(vehicle)} on {label_of(terrain)} along {path} at {speed:g} m/s, {backend} backend",
             "time": f"{perf_counter() - began:.1f} s",
             "judge it": f"grouser rl evaluate {output} --backend physics --terrain {terrain} --path {path}",
         }
@@ -135,7 +135,7 @@ def evaluate(
         backend, loaded.vehicle, terrain, path, backend_options=_backend_options(backend, artifact, terrain), **settings
     )
     listed = table(
-        f"{policy.stem} on {backend}, {terrain}, {environment.path.name}",
+        f"{policy.stem} on {backend}, {label_of(terrain)}, {environment.path.name}",
         ["ended", "seed", "return", "steps", "driven, m", "cross-track RMSE, m", "max, m"],
     )
     returns = []

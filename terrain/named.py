@@ -1,62 +1,60 @@
-"""Grounds by name, read from ``data/terrains.toml``."""
+"""Grounds by name or from a catalogue file."""
 
 from __future__ import annotations
 
 import math
-import tomllib
-from functools import cache
-from importlib.resources import files
+import os
 
-from .errors import unknown_name
+from .catalogue import shipped_terrains, terrain_sheet
+from .errors import GrouserError
 from .parameters import RigidTerrain, SoilTerrain, Terrain
-
-
-@cache
-def _catalogue() -> dict[str, Terrain]:
-    tables = tomllib.loads(files(__package__).joinpath("data", "terrains.toml").read_text(encoding="utf-8"))
-    rigid: dict[str, Terrain] = {name: RigidTerrain(**values) for name, values in tables["rigid"].items()}
-    soil: dict[str, Terrain] = {
-        name: SoilTerrain(c=1000 * values["c_kpa"], phi=math.radians(values["phi_deg"]), fr=values["fr"], k=values["k"])
-        for name, values in tables["soil"].items()
-    }
-    return rigid | soil
 
 
 def terrain_names() -> tuple[str, ...]:
     """Names that :func:`named` knows, sorted."""
-    return tuple(sorted(_catalogue()))
+    return tuple(sorted(shipped_terrains()))
 
 
-def named(name: str) -> Terrain:
-    """Return a published ground.
+def named(name: str | os.PathLike[str]) -> Terrain:
+    """Return a published ground, or one of a catalogue file of your own.
 
     Parameters
     ----------
-    name : str
-        Such as ``"asphalt"`` or ``"lete-sand"``; see :func:`terrain_names`.
+    name : str or path-like
+        Such as ``"asphalt"`` or ``"lete-sand"``, see :func:`terrain_names`; or a file, a string that ends in ``.toml``
+        or any path-like object, with ``#name`` behind it where the file holds several grounds.
 
     Raises
     ------
     ConfigurationError
-        If the name is unknown.
+        If the name is unknown, or the file holds several grounds and none was named.
+    InvalidInputError
+        If the file holds no such ground, or an impossible one.
 
     Examples
     --------
     >>> named("asphalt").mu
     0.8
     """
-    catalogue = _catalogue()
-    if name not in catalogue:
-        raise unknown_name("terrain", name, catalogue)
-    return catalogue[name]
+    values = terrain_sheet(name).values
+    try:
+        if "mu" in values:
+            return RigidTerrain(**values)
+        return SoilTerrain(
+            c=1000 * values["c_kpa"], phi=math.radians(values["phi_deg"]), fr=values["fr"], k=values["k"]
+        )
+    except GrouserError as error:
+        raise type(error)(f"{os.fspath(name)}: {error}") from error
 
 
-def resolve_terrain(terrain: str | Terrain) -> Terrain:
-    """Return a terrain given by name or as itself.
+def resolve_terrain(terrain: str | os.PathLike[str] | Terrain) -> Terrain:
+    """Return a terrain given by name, by catalogue file or as itself.
 
     Raises
     ------
     ConfigurationError
-        If it is neither.
+        If it is none of them.
+    InvalidInputError
+        If the file holds no such ground, or an impossible one.
     """
     return terrain if isinstance(terrain, RigidTerrain | SoilTerrain) else named(terrain)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final
@@ -43,7 +44,7 @@ def backend_names() -> tuple[str, ...]:
 
 
 def make_backend(
-    backend: str | ForceBackend, *, mode: str, vehicle: str | TrackedVehicle = "m113", **options: Any
+    backend: str | ForceBackend, *, mode: str, vehicle: str | os.PathLike[str] | TrackedVehicle = "m113", **options: Any
 ) -> ForceBackend:
     """Build a force backend.
 
@@ -54,8 +55,8 @@ def make_backend(
         it is once mode and vehicle are seen to fit.
     mode : {"rigid", "soil"}
         Terrain mode.
-    vehicle : str or TrackedVehicle
-        Preset name or vehicle.
+    vehicle : str, path-like or TrackedVehicle
+        Preset name, catalogue file or vehicle.
     **options
         Passed to the backend: ``artifact=`` for surrogates (default: the shipped one of that vehicle and mode),
         ``cells=`` and ``contact=`` for physics.

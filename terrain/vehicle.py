@@ -1,16 +1,15 @@
-"""Vehicle geometry and inertia, validated and frozen, and the presets of ``data/vehicles.toml``."""
+"""Vehicle geometry and inertia, validated and frozen, and vehicles from a catalogue."""
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import dataclass, fields
-from functools import cache
-from importlib.resources import files
+import os
+from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal
 
 import numpy as np
 
-from .errors import InvalidInputError, unknown_name
+from .catalogue import shipped_vehicles, vehicle_sheet
+from .errors import GrouserError, InvalidInputError, unknown_name
 from .interface import FloatArray
 from .parameters import require_in
 
@@ -64,9 +63,10 @@ class TrackedVehicle:
     contact : {"continuous", "per_wheel"}
         How shear builds up under this vehicle, unless a physics backend is asked for the other.
     source : str
-        Where the numbers come from.
+        Where the numbers come from. Vehicles that differ in nothing but this and ``synthetic`` are equal: rewording a
+        source makes no other vehicle.
     synthetic : bool
-        Whether no machine stands behind them.
+        Whether no machine stands behind some of them.
 
     Raises
     ------
@@ -91,8 +91,8 @@ class TrackedVehicle:
     belt_acceleration: float = 4.0
     patch_length: float | None = None
     contact: Contact = "continuous"
-    source: str = "user"
-    synthetic: bool = False
+    source: str = field(default="user", compare=False)
+    synthetic: bool = field(default=False, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("mass", "yaw_inertia", "contact_length", "track_width", "sprocket_radius"):
@@ -116,23 +116,34 @@ class TrackedVehicle:
         check_contact(self.contact, self)
 
     @classmethod
-    def preset(cls, name: str) -> TrackedVehicle:
-        """Return a vehicle of ``data/vehicles.toml``.
+    def preset(cls, name: str | os.PathLike[str]) -> TrackedVehicle:
+        """Return a vehicle of ``data/vehicles.toml`` or of a catalogue file of your own.
+
+        Parameters
+        ----------
+        name : str or path-like
+            One of :func:`vehicle_names`; or a file, a string that ends in ``.toml`` or any path-like object, with
+            ``#name`` behind it where the file holds several vehicles.
 
         Raises
         ------
         ConfigurationError
-            If the name is unknown.
+            If the name is unknown, or the file holds several vehicles and none was named.
+        InvalidInputError
+            If the file holds no such vehicle, or an impossible one.
 
         Examples
         --------
         >>> TrackedVehicle.preset("m113").mass
         11300.0
         """
-        presets = _presets()
-        if name not in presets:
-            raise unknown_name("vehicle", name, presets)
-        return presets[name]
+        sheet = vehicle_sheet(name)
+        values: dict[str, Any] = {**sheet.values, **sheet.options}
+        synthetic = any(number.kind == "synthetic" for number in sheet.numbers)
+        try:
+            return cls(name=sheet.name, **values, source="; ".join(sheet.sources), synthetic=synthetic)
+        except GrouserError as error:
+            raise type(error)(f"{os.fspath(name)}: {error}") from error
 
     @property
     def weight(self) -> float:
@@ -230,23 +241,19 @@ def check_contact(contact: str, vehicle: TrackedVehicle) -> None:
         )
 
 
-@cache
-def _presets() -> dict[str, TrackedVehicle]:
-    tables = tomllib.loads(files(__package__).joinpath("data", "vehicles.toml").read_text(encoding="utf-8"))
-    return {name: TrackedVehicle(name=name, **values) for name, values in tables.items()}
-
-
 def vehicle_names() -> tuple[str, ...]:
     """Names that :meth:`TrackedVehicle.preset` knows, sorted."""
-    return tuple(sorted(_presets()))
+    return tuple(sorted(shipped_vehicles()))
 
 
-def resolve_vehicle(vehicle: str | TrackedVehicle) -> TrackedVehicle:
-    """Return a vehicle given by preset name or as itself.
+def resolve_vehicle(vehicle: str | os.PathLike[str] | TrackedVehicle) -> TrackedVehicle:
+    """Return a vehicle given by preset name, by catalogue file or as itself.
 
     Raises
     ------
     ConfigurationError
-        If it is neither.
+        If it is none of them.
+    InvalidInputError
+        If the file holds no such vehicle, or an impossible one.
     """
     return vehicle if isinstance(vehicle, TrackedVehicle) else TrackedVehicle.preset(vehicle)

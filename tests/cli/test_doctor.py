@@ -16,7 +16,10 @@ from grouser.surrogate import Surrogate, shipped_names
 from grouser.surrogate.offline import DataConfig, TrainingConfig
 from grouser.terrain import ArtifactError, backend_names
 
-VERBS = ("demo", "data", "train", "evaluate", "compare", "drive", "doctor", "rl train", "rl evaluate")
+VERBS = (
+    "demo", "data", "train", "evaluate", "compare", "drive", "doctor", "rl train", "rl evaluate",
+    "list vehicles", "list terrains", "list backends", "list paths",
+)  # fmt: skip
 BARE = """
 import sys
 for name in ("torch", "casadi", "pyarrow", "joblib", "stable_baselines3", "pygame", "matplotlib", "PIL"):

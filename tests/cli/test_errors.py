@@ -24,7 +24,9 @@ def test_main_leaves_with_the_code_and_without_a_traceback(tmp_path: Path) -> No
     )
     assert done.returncode == 2
     assert done.stdout == ""
-    assert done.stderr == ("error: unknown vehicle 'm114'; did you mean 'm113'? (known: m113, marder, maxxii, ugv)\n")
+    assert done.stderr == (
+        "error: unknown vehicle 'm114'; did you mean 'm113'? (known: m113, marder, maxxii, ugv, warthog)\n"
+    )
     assert not (tmp_path / "x").exists()
 
 

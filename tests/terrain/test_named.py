@@ -4,7 +4,15 @@ import math
 
 import pytest
 
-from grouser.terrain import ConfigurationError, RigidTerrain, SoilTerrain, named, resolve_terrain, terrain_names
+from grouser.terrain import (
+    ConfigurationError,
+    RigidTerrain,
+    SoilTerrain,
+    named,
+    parameter_ranges,
+    resolve_terrain,
+    terrain_names,
+)
 
 SOILS = {  # c in kPa, phi in degrees, as printed
     "dry-sand": (1.04, 28.0),
@@ -24,6 +32,43 @@ SOILS = {  # c in kPa, phi in degrees, as printed
     "snow-harrison": (0.62, 23.2),
     "snow-sweden": (6.0, 20.7),
 }
+
+GROUNDS = {  # θ in SI units, to the bit; whether it lies in the wide and in the paper ranges
+    "asphalt": ((0.8, 0.03, 0.025), True, True),
+    "clayey-soil-38": ((4140.0, 0.22689280275926285, 0.09, 0.006), True, True),
+    "clayey-soil-55": ((2070.0, 0.17453292519943295, 0.1, 0.006), True, True),
+    "concrete-rubber-pads": ((0.9, 0.03, 0.025), True, True),
+    "concrete-steel": ((0.5, 0.03, 0.025), True, True),
+    "dry-sand": ((1040.0, 0.4886921905584123, 0.13, 0.012), True, False),
+    "gravel": ((0.6, 0.06, 0.025), True, True),
+    "grenville-loam": ((3100.0, 0.5201081170943103, 0.09, 0.025), True, False),
+    "hard-ground": ((0.6, 0.06, 0.025), True, True),
+    "heavy-clay-25": ((68950.0, 0.5934119456780721, 0.08, 0.006), True, False),
+    "heavy-clay-40": ((20690.0, 0.10471975511965978, 0.1, 0.006), True, False),
+    "ice": ((0.1, 0.03, 0.025), True, False),
+    "lete-sand": ((1300.0, 0.5427973973702365, 0.13, 0.012), True, False),
+    "north-gower-clayey-loam": ((6100.0, 0.4642575810304917, 0.09, 0.025), True, False),
+    "rubicon-loam": ((3700.0, 0.5201081170943103, 0.09, 0.025), True, False),
+    "sandy-loam-11": ((4830.0, 0.3490658503988659, 0.09, 0.025), True, True),
+    "sandy-loam-15": ((1720.0, 0.5061454830783556, 0.09, 0.025), True, False),
+    "sandy-loam-22": ((1380.0, 0.6632251157578453, 0.09, 0.025), True, False),
+    "snow-harrison": ((620.0, 0.40491638646268446, 0.17, 0.04), True, False),
+    "snow-packed": ((0.16, 0.15, 0.04), True, False),
+    "snow-sweden": ((6000.0, 0.3612831551628262, 0.17, 0.04), True, False),
+    "snow-us": ((1030.0, 0.3438298626428829, 0.17, 0.04), True, False),
+    "upland-sandy-loam": ((3300.0, 0.5881759579220891, 0.09, 0.025), True, False),
+}
+
+
+def test_every_named_ground_says_what_it_is_and_whether_training_ranges_hold_it() -> None:
+    found = {
+        name: (
+            tuple(named(name).parameters.tolist()),
+            *(parameter_ranges(ranges, named(name).mode).contains(named(name)) for ranges in ("wide", "paper")),
+        )
+        for name in terrain_names()
+    }
+    assert found == GROUNDS
 
 
 @pytest.mark.parametrize("name", SOILS)

@@ -27,6 +27,7 @@ M113 = TrackedVehicle.preset("m113")
         ("marder", 29200, 119000, 3.90, 2.72, 0.48, 0.79, 6, 0.325, 18, 10),
         ("ugv", 4500, 6500, 2.2, 1.7, 0.35, 0.65, 5, 0.20, 12, 6),
         ("maxxii", 61.05, 4.5, 0.70, 0.606, 0.1, 0.25, 5, 0.0856, 1.0, 1),
+        ("warthog", 470, 165, 1.164734, 1.08, 0.25, 0.45, 2, 0.30, 5, 5),
     ],
 )
 def test_presets_hold_the_published_numbers(
@@ -49,7 +50,7 @@ def test_presets_hold_the_published_numbers(
 
 
 def test_presets_share_belts_and_centred_mass_and_differ_in_soft_speed() -> None:
-    for name in ("m113", "marder", "ugv", "maxxii"):
+    for name in vehicle_names():
         v = TrackedVehicle.preset(name)
         assert (v.belt_time_constant, v.belt_acceleration, v.cg_offset) == (0.2, 4.0, 0.0)
         assert v.soft_speed == (0.01 if name == "maxxii" else 0.1)
@@ -60,6 +61,24 @@ def test_every_preset_names_its_source_and_the_synthetic_one_says_so() -> None:
         v = TrackedVehicle.preset(name)
         assert v.source not in ("", "user")
         assert v.synthetic == (name == "ugv")
+
+
+def test_the_sources_of_a_preset_are_its_references_in_order() -> None:
+    assert M113.source.startswith("Project Chrono, M113 model: parts summed; Project Chrono, M113 model; assumed ")
+    assert M113.source.count("assumed drive") == 1
+
+
+def test_only_the_wheeled_preset_has_patches_with_gaps() -> None:
+    for name in vehicle_names():
+        v = TrackedVehicle.preset(name)
+        expected = (0.25, "per_wheel") if name == "warthog" else (None, "continuous")
+        assert (v.patch_length, v.contact) == expected
+    # A patch under each axle, 0.457367 m ahead of the middle and behind it.
+    np.testing.assert_allclose(TrackedVehicle.preset("warthog").element_centers, [-0.457367, 0.457367], rtol=1e-12)
+
+
+def test_rewording_a_source_makes_no_other_vehicle() -> None:
+    assert replace(M113, source="as before", synthetic=True) == M113
 
 
 def test_weight_elements_and_width_follow_from_the_fields() -> None:
