@@ -36,10 +36,10 @@ static station station_at(const grouser_element_motion *m, double offset) {
   return at;
 }
 
-/* Slip velocity (a, b) and shear displacement (x, y) of a cell. */
+/* Slip velocity (a, b) of a cell, its size and direction; shear displacement (x, y) and its size; exp(-z) - 1. */
 typedef struct {
-  double a, b, sliding;
-  double x, y, displacement;
+  double a, b, sliding, along, aside;
+  double x, y, displacement, rise;
 } shear;
 
 static shear shear_at(const grouser_element_motion *m, const station *at, double x, double y) {
@@ -48,6 +48,9 @@ static shear shear_at(const grouser_element_motion *m, const station *at, double
   j.y = at->time * (at->s * j.b - at->c * j.a + m->belt * (at->sine - at->c));
   j.sliding = sqrt(j.a * j.a + j.b * j.b);
   j.displacement = sqrt(j.x * j.x + j.y * j.y);
+  j.along = j.sliding > 0 ? j.a / j.sliding : 0.0;
+  j.aside = j.sliding > 0 ? j.b / j.sliding : 0.0;
+  j.rise = expm1(-j.displacement / m->modulus);
   return j;
 }
 
@@ -58,9 +61,7 @@ void grouser_exact_forces(const grouser_element_motion *m, const grouser_cell_st
     if (n > 0 && strip->offset[n] != strip->offset[n - 1]) at = station_at(m, strip->offset[n]);
     const double x = m->center + strip->offset[n], y = strip->y[n];
     const shear j = shear_at(m, &at, x, y);
-    if (!(j.sliding > 0)) continue;
-    const double factor = expm1(-j.displacement / m->modulus) / j.sliding;
-    const double fx = factor * j.a, fy = factor * j.b;
+    const double fx = j.rise * j.along, fy = j.rise * j.aside;
     sums->force[0] += fx;
     sums->force[1] += fy;
     sums->force[2] += x * fy - y * fx;
@@ -69,16 +70,15 @@ void grouser_exact_forces(const grouser_element_motion *m, const grouser_cell_st
 
 /* dF = -exp(-z) dz n + (exp(-z) - 1) dn with z = |j|/K and n the direction of sliding: dz = j'dj/(|j| K),
  * dn = (dv - n n'dv)/|v|. Where both sliding and displacement vanish, F = -(t/K) v. */
-static void add_slope(const grouser_element_motion *m, const station *at, const shear *j, double x, double y, int by,
+static inline void add_slope(const grouser_element_motion *m, const station *at, const shear *j, double x, double y, int by,
                       double da, double db, double djx, double djy, grouser_element_sums *sums) {
   double fx, fy;
   if (j->sliding > 0) {
-    const double nx = j->a / j->sliding, ny = j->b / j->sliding;
-    const double rise = expm1(-j->displacement / m->modulus);
     const double dz = j->displacement > 0 ? (j->x * djx + j->y * djy) / (j->displacement * m->modulus) : 0.0;
-    const double along = nx * da + ny * db;
-    fx = -(1 + rise) * dz * nx + rise * (da - nx * along) / j->sliding;
-    fy = -(1 + rise) * dz * ny + rise * (db - ny * along) / j->sliding;
+    const double towards = j->along * da + j->aside * db;
+    const double decay = -(1 + j->rise) * dz, turn = j->rise / j->sliding;
+    fx = decay * j->along + turn * (da - j->along * towards);
+    fy = decay * j->aside + turn * (db - j->aside * towards);
   } else {
     const double gain = j->displacement > 0 ? 0.0 : -at->time / m->modulus;
     fx = gain * da;
