@@ -22,6 +22,7 @@ from .evaluate import evaluate
 from .list import listing
 from .rl import rl
 from .train import train
+from .validate import validate
 
 _INTERRUPTED: Final = 130
 _REFUSED: Final = 2
@@ -96,6 +97,7 @@ _VERBS: Final[tuple[tuple[Callable[..., None], str], ...]] = (
     (evaluate, "grouser evaluate build/m113-rigid.safetensors build/rigid"),
     (compare, "grouser compare --terrain asphalt,ice --controller mpc --artifact build/m113-rigid.safetensors"),
     (drive, "grouser drive --terrain lete-sand --controller mpc --backend physics --render build/drive.gif"),
+    (validate, "grouser validate --output build/validation"),
 )
 for verb, example in _VERBS:
     app.command(epilog=f"Example: {example}")(verb)

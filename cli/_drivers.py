@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from ..envs import Driver, Path
-from ..terrain import ConfigurationError, Ground, TrackedVehicle, unknown_name
+from ..terrain import ConfigurationError, Ground, TrackedVehicle, terrain_type, unknown_name
 
 if TYPE_CHECKING:
     from ..surrogate import Surrogate
 
 CONTROLLERS: Final = ("mpc", "pure-pursuit")
 _POLICY_SUFFIX: Final = ".safetensors"
+_PHYSICS_BLOCKS: Final = ("physics", "exact")
 
 
 def driver_factory(
@@ -31,7 +32,7 @@ def driver_factory(
     vehicle : TrackedVehicle
         To drive.
     ground : Ground
-        Both controllers are told its slip parameters.
+        Both controllers are told the slip parameters of the level ground at the path's start.
     speed : float
         Reference speed in m/s.
 
@@ -51,7 +52,9 @@ def driver_factory(
         return FilePath(controller).stem, lambda: PolicyDriver(policy, path, ground)
     if controller not in CONTROLLERS:
         raise unknown_name("controller", controller, (*CONTROLLERS, f"POLICY{_POLICY_SUFFIX}"))
-    slip = identify_slip(vehicle, ground, speed=speed)
+    x, y = path.point_at(0.0)
+    start = terrain_type(ground.mode)(*ground.parameters_at(float(x), float(y)).tolist())
+    slip = identify_slip(vehicle, start, speed=speed)
     if controller == "mpc":
         return controller, lambda: PathTrackingMPC(path, vehicle, slip, MPCConfig(speed=speed))
     return controller, lambda: PurePursuit(path, vehicle, speed, slip=slip)
@@ -63,6 +66,13 @@ def fitting_artifact(artifacts: Sequence[FilePath], mode: str) -> Surrogate | No
 
     loaded = [Surrogate.load(file) for file in artifacts]
     return next((surrogate for surrogate in loaded if surrogate.mode == mode), loaded[0] if loaded else None)
+
+
+def artifact_options(backend: str, artifacts: Sequence[FilePath], mode: str) -> dict[str, Any]:
+    """Return the options of a backend that is given artifacts to choose from; the physics blocks take none."""
+    if not artifacts or backend in _PHYSICS_BLOCKS:
+        return {}
+    return {"artifact": fitting_artifact(artifacts, mode)}
 
 
 @contextmanager

@@ -36,8 +36,8 @@ Vehicle = Annotated[
 Terrain = Annotated[
     str,
     typer.Option(
-        metavar="NAME|FILE.toml",
-        help=f"Ground: {_one_of(terrain_names())}, or a TOML file of your own.",
+        metavar="NAME|FILE",
+        help=f"Ground: {_one_of(terrain_names())}, a TOML file of your own, or a terrain field as .npz.",
         autocompletion=starting_with(terrain_names),
     ),
 ]

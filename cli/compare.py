@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from ..envs import make_path
-from ..terrain import InvalidInputError, TrackedVehicle, named
+from ..terrain import InvalidInputError, TrackedVehicle, resolve_ground
 from ._console import StageBars, out, print_facts
-from ._drivers import driver_factory, fitting_artifact, one_torch_thread
+from ._drivers import artifact_options, driver_factory, fitting_artifact, one_torch_thread
 from ._options import PathOrFile, Speed, Vehicle, label_of, names_of
 from ._tables import drives_table, surrogates_table
 
@@ -19,7 +19,7 @@ from ._tables import drives_table, surrogates_table
 def compare(
     terrain: Annotated[
         str,
-        typer.Option(metavar="NAME|FILE.toml,...", help="Grounds, one scenario each; see grouser list terrains."),
+        typer.Option(metavar="NAME|FILE,...", help="Grounds, one scenario each; see grouser list terrains."),
     ] = "asphalt",
     path: PathOrFile = "iso-3888-1",
     controller: Annotated[
@@ -60,7 +60,7 @@ def compare(
     wanted = names_of(backends, "--backends")
     began = perf_counter()
     scenarios, surrogates = [], {}
-    grounds = {label_of(name): named(name) for name in names_of(terrain, "--terrain")}
+    grounds = {label_of(name): resolve_ground(name) for name in names_of(terrain, "--terrain")}
     if len(grounds) < len(names_of(terrain, "--terrain")):
         raise InvalidInputError(f"two grounds of one name: {terrain}; rename a ground's file")
     for name, ground in grounds.items():
@@ -68,7 +68,7 @@ def compare(
         made = [driver_factory(who, track, machine, ground, speed) for who in names_of(controller, "--controller")]
         if len(dict(made)) < len(made):
             raise InvalidInputError(f"two controllers of one name: {controller}; rename a policy's file")
-        options = {backend: {"artifact": surrogate} for backend in wanted if backend != "physics"}
+        options = {backend: artifact_options(backend, artifact or [], ground.mode) for backend in wanted}
         scenarios.append(Scenario(name, name, ground, track, machine, speed, dict(made), options, time_limit))
         if surrogate is not None:
             surrogates[f"{surrogate.vehicle.name} {surrogate.mode}"] = surrogate

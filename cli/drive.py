@@ -9,10 +9,10 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..envs import Driver, InterfaceLog, Path, Simulator, VehicleState, make_path, rollout
-from ..terrain import SimulationDivergedError, TrackedVehicle, make_backend, named
+from ..envs import Driver, GroundSampling, InterfaceLog, Path, Simulator, VehicleState, make_path, rollout
+from ..terrain import Ground, SimulationDivergedError, SlopedGround, TrackedVehicle, make_backend, resolve_ground
 from ._console import print_facts
-from ._drivers import driver_factory, fitting_artifact, one_torch_thread
+from ._drivers import artifact_options, driver_factory, one_torch_thread
 from ._log_file import write_log
 from ._options import Artifact, Backend, PathOrFile, Speed, Terrain, Vehicle, label_of
 from ._replay import check_target, replay
@@ -30,6 +30,11 @@ def drive(
     vehicle: Vehicle = "m113",
     speed: Speed = 5.0,
     artifact: Artifact = None,
+    grade: Annotated[float, typer.Option(metavar="DEG", help="Slope along x in degrees, uphill positive.")] = 0.0,
+    bank: Annotated[float, typer.Option(metavar="DEG", help="Slope along y in degrees, uphill positive.")] = 0.0,
+    ground_sampling: Annotated[
+        GroundSampling, typer.Option(help="Where the ground is taken: under the CG, or under each track.")
+    ] = "vehicle",
     time_limit: Annotated[float, typer.Option(metavar="S", help="When to stop, in s.")] = 60.0,
     render: Annotated[
         str, typer.Option(metavar="human|FILE", help="human: a window; FILE.png: the last frame; FILE.gif: all.")
@@ -47,17 +52,18 @@ def drive(
     from ..controllers.comparison import MAXIMUM_CROSS_TRACK, path_driven_or_lost
 
     check_target(render)
-    machine, ground = TrackedVehicle.preset(vehicle), named(terrain)
+    machine = TrackedVehicle.preset(vehicle)
+    ground: Ground = resolve_ground(terrain)
+    if grade or bank:
+        ground = SlopedGround(ground, math.radians(grade), math.radians(bank))
     track = make_path(path, machine)
-    options = (
-        {} if backend == "physics" else {"artifact": fitting_artifact([artifact] if artifact else [], ground.mode)}
-    )
+    options = artifact_options(backend, [artifact] if artifact else [], ground.mode)
     built = make_backend(backend, mode=ground.mode, vehicle=machine, **options)
     _, make_driver = driver_factory(controller, track, machine, ground, speed)
     driver = make_driver()
     x, y = track.point_at(0.0)
     start = VehicleState.rolling(speed, x=float(x), y=float(y), heading=float(track.heading_at(0.0)))
-    simulator = Simulator(machine, built, ground, state=start)
+    simulator = Simulator(machine, built, ground, ground_sampling=ground_sampling, state=start)
     diverged = None
     with one_torch_thread([backend]):
         try:

@@ -11,9 +11,9 @@ import numpy as np
 import typer
 
 from ..envs import PathTrackingEnv
-from ..terrain import InvalidInputError, named
+from ..terrain import InvalidInputError, resolve_ground
 from ._console import StageBars, out, print_facts
-from ._drivers import fitting_artifact
+from ._drivers import artifact_options
 from ._options import Artifact, Backend, PathOrFile, Seed, Terrain, Vehicle, label_of, whole_numbers
 from ._tables import table
 
@@ -129,7 +129,7 @@ def evaluate(
     """
     from ..controllers import TrackingPolicy
 
-    loaded = TrackingPolicy.load(policy).require(named(terrain).mode)
+    loaded = TrackingPolicy.load(policy).require(resolve_ground(terrain).mode)
     settings = asdict(loaded.config) | {"random_start": False, "time_limit": time_limit}
     environment = PathTrackingEnv(
         backend, loaded.vehicle, terrain, path, backend_options=_backend_options(backend, artifact, terrain), **settings
@@ -170,6 +170,4 @@ def _episode(environment: PathTrackingEnv, policy: TrackingPolicy, seed: int) ->
 
 
 def _backend_options(backend: str, artifact: Path | None, terrain: str) -> dict[str, Any]:
-    if backend == "physics" or artifact is None:
-        return {}
-    return {"artifact": fitting_artifact([artifact], named(terrain).mode)}
+    return artifact_options(backend, [artifact] if artifact else [], resolve_ground(terrain).mode)

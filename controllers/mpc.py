@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Final
@@ -89,7 +90,7 @@ class PathTrackingMPC:
     def __init__(
         self,
         path: Path,
-        vehicle: str | TrackedVehicle,
+        vehicle: str | os.PathLike[str] | TrackedVehicle,
         slip: SlipParameters,
         config: MPCConfig = MPCConfig(),  # noqa: B008 - frozen
         *,

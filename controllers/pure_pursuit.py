@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 from typing import Final
 
@@ -86,7 +87,7 @@ class PurePursuit:
     def __init__(
         self,
         path: Path,
-        vehicle: str | TrackedVehicle,
+        vehicle: str | os.PathLike[str] | TrackedVehicle,
         speed: float = 5.0,
         *,
         slip: SlipParameters = _NO_SLIP,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
@@ -157,7 +158,7 @@ class _Turn(NamedTuple):
 
 
 def identify_slip(
-    vehicle: str | TrackedVehicle,
+    vehicle: str | os.PathLike[str] | TrackedVehicle,
     ground: Ground,
     backend: str | ForceBackend = "physics",
     speed: float = 5.0,

@@ -2,6 +2,7 @@
 
 from .corridor import Corridor, Lane
 from .driveline import advance_belts
+from .footing import GROUND_SAMPLINGS, Footing, GroundSampling
 from .log import STATE_NAMES, InterfaceLog, LogRecorder
 from .path import Path, Projection
 from .paths import make_path, path_names
@@ -14,11 +15,14 @@ from .tracking import PathTrackingEnv
 from .tracking_config import ResetOptions, TrackingConfig
 
 __all__ = [
+    "GROUND_SAMPLINGS",
     "INTEGRATORS",
     "STATE_NAMES",
     "BeltCommand",
     "Corridor",
     "Driver",
+    "Footing",
+    "GroundSampling",
     "Integrator",
     "InterfaceLog",
     "Lane",

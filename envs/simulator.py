@@ -98,7 +98,7 @@ class Simulator:
 
     def __init__(
         self,
-        vehicle: str | TrackedVehicle,
+        vehicle: str | os.PathLike[str] | TrackedVehicle,
         backend: str | ForceBackend,
         ground: str | os.PathLike[str] | Ground,
         *,

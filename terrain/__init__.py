@@ -3,6 +3,16 @@
 from .backend import ForceBackend, assemble
 from .block import SHEAR_PATHS, ShearGrid, ShearPath, block_forces, reference_forces
 from .catalogue import Sheet, SourcedNumber, read_terrains, read_vehicles, terrain_sheet, vehicle_sheet
+from .closed_forms import (
+    locked_tracks_moment,
+    matched_pivot_moment,
+    mobilized_share,
+    radius_integral,
+    shear_capacity,
+    skid_turn_slip,
+    straight_thrust,
+    turning_resistance,
+)
 from .compiled import CompiledBackend
 from .errors import (
     ArtifactError,
@@ -46,10 +56,12 @@ from .parameters import (
     Terrain,
     parameter_ranges,
     terrain_from_mapping,
+    terrain_type,
 )
 from .physics import PhysicsBackend, physics_options
 from .registry import backend_names, make_backend, register_backend
 from .slope import LEVEL, ForceFunction, Gravity, body_gravity, level_equivalent, on_slope
+from .steady import SteadyMotion, steady_motion, steady_turn, tightest_turn
 from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle, resolve_vehicle, vehicle_names
 
 register_backend("physics", PhysicsBackend)
@@ -108,6 +120,7 @@ __all__ = [
     "SlopedGround",
     "SoilTerrain",
     "SourcedNumber",
+    "SteadyMotion",
     "SwitchingPolicy",
     "Terrain",
     "TerrainField",
@@ -120,14 +133,18 @@ __all__ = [
     "interface",
     "level_equivalent",
     "load_field",
+    "locked_tracks_moment",
     "make_backend",
+    "matched_pivot_moment",
     "mirror_forces",
     "missing_extra",
+    "mobilized_share",
     "named",
     "on_slope",
     "paint_field",
     "parameter_ranges",
     "physics_options",
+    "radius_integral",
     "read_terrains",
     "read_vehicles",
     "reference_forces",
@@ -137,10 +154,18 @@ __all__ = [
     "resolve_vehicle",
     "reverse_forces",
     "save_field",
+    "shear_capacity",
+    "skid_turn_slip",
+    "steady_motion",
+    "steady_turn",
+    "straight_thrust",
     "terrain_from_mapping",
     "terrain_names",
     "terrain_sheet",
+    "terrain_type",
+    "tightest_turn",
     "torch_namespace",
+    "turning_resistance",
     "unknown_name",
     "vehicle_names",
     "vehicle_sheet",

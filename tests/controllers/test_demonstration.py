@@ -193,7 +193,7 @@ def test_the_three_drives_are_asphalt_sand_and_asphalt_that_turns_to_ice(
     assert [s.name for s in (asphalt, sand, onto_ice)] == ["asphalt", "lete-sand", "onto-ice"]
     assert asphalt.ground == named("asphalt")
     assert sand.ground == named("lete-sand")
-    for x, terrain in ((3.9, "asphalt"), (4.1, "ice")):
+    for x, terrain in ((3.5, "asphalt"), (4.5, "ice")):
         assert onto_ice.ground.parameters_at(x, 0.0).tolist() == named(terrain).parameters.tolist()
     for scenario in (asphalt, sand, onto_ice):
         assert scenario.speed == config.speed
