@@ -2,6 +2,8 @@
 #ifndef GROUSER_CPU_H
 #define GROUSER_CPU_H
 
+#include <limits.h> /* any header of the C library says whether it is glibc */
+
 /* Clones need gcc's function multiversioning and an ifunc-capable loader; elsewhere the portable code runs alone. */
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__linux__) && defined(__GLIBC__)
 #define GROUSER_CLONED 1
