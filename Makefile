@@ -5,13 +5,15 @@ PIP    := $(BIN)/python -m pip install -q -c constraints.txt
 PKGS   := envs terrain surrogate controllers native cli
 CSRC   := native/CMakeLists.txt $(wildcard native/src/*.c native/src/*.h native/include/grouser/*.h)
 
-.PHONY: demo test slow lint bench clean help
+.PHONY: demo test slow lint bench validate tick-study clean help
 help:
 	@echo 'make demo   dataset, training and the closed loop on four backends, into build/demo/'
 	@echo 'make test   the test suite'
 	@echo 'make slow   the studies that take minutes'
 	@echo 'make lint   ruff, mypy, import directions'
+	@echo 'make validate  every check and study of the physics, into docs/validation/'
 	@echo 'make bench  force-call and tick times, into build/bench/'
+	@echo 'make tick-study  order, error, chatter and stability of the tick, about 5 minutes, into build/tick/'
 demo: .venv/.native
 	$(BIN)/grouser demo --output build/demo
 test: .venv/.native
@@ -21,8 +23,12 @@ slow: .venv/.native
 lint: .venv/.native
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/mypy tests examples benchmarks && \
 	  PYTHONSAFEPATH=1 $(BIN)/lint-imports
+validate: .venv/.native
+	$(BIN)/grouser validate --output docs/validation
 bench: .venv/.native
 	$(BIN)/python -P benchmarks/force_call.py --output build/bench/force_call.json
+tick-study: .venv/.native
+	$(BIN)/python -P benchmarks/tick_study.py --output build/tick
 
 .venv/.deps: pyproject.toml constraints.txt
 	$(if $(PYTHON),,$(error need Python >= 3.11 with venv: apt-get install python3-venv))
