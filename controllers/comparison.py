@@ -275,7 +275,7 @@ def _drive(
             raise
         log = error.log
     arc_length, cross_track = path.follow(log.states[:, :2])
-    truth = backends[REFERENCE_BACKEND].forces(log.inputs)
+    truth = log.recomputed(backends[REFERENCE_BACKEND])
     against = reference.log if reference else log
     ticks = round(control_period / simulator.tick)
     common = min(len(log), len(against))

@@ -10,7 +10,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..terrain import FloatArray, Interface, Mode, interface, unknown_name
+from ..terrain import (
+    GRAVITY,
+    MOTION_SIZE,
+    FloatArray,
+    ForceBackend,
+    Interface,
+    Mode,
+    assemble,
+    interface,
+    level_equivalent,
+    unknown_name,
+)
 from .simulator import Simulator, TickRecord
 from .state import BeltCommand, VehicleState
 
@@ -84,6 +95,16 @@ class InterfaceLog:
         if name not in STATE_NAMES:
             raise unknown_name("state column", name, STATE_NAMES)
         return self.states[:, STATE_NAMES.index(name)]
+
+    def recomputed(self, backend: ForceBackend) -> FloatArray:
+        """Return the [Qx, Qy, Mz] that a backend gives for the logged rows, on their ground and slope, shape (n, 3)."""
+        ratio = self.gravity[:, 2] / GRAVITY
+        left = level_equivalent(self.interface, self.inputs, ratio)
+        if np.array_equal(self.right_theta, self.inputs[:, MOTION_SIZE:]):
+            return ratio[:, None] * backend.forces(left)
+        right = np.hstack([self.inputs[:, :MOTION_SIZE], self.right_theta])
+        tracks = backend.track_forces(left, level_equivalent(self.interface, right, ratio))
+        return ratio[:, None] * assemble(tracks)
 
     @property
     def fallback_rate(self) -> float:

@@ -53,7 +53,7 @@ def body_gravity(gradient: tuple[float, float], heading: float) -> Gravity:
     return Gravity(-normal * (cosine * p + sine * q), -normal * (cosine * q - sine * p), normal)
 
 
-def level_equivalent(interface: Interface, row: FloatArray, load_ratio: float) -> FloatArray:
+def level_equivalent(interface: Interface, row: FloatArray, load_ratio: float | FloatArray) -> FloatArray:
     """Return the row on level ground whose forces, times r, are those of ``row`` under the load m g_z.
 
     Loads, pressures and friction are proportional to W = m g_z, and accelerations enter as h a/g_z; cohesion alone
@@ -66,17 +66,17 @@ def level_equivalent(interface: Interface, row: FloatArray, load_ratio: float) -
         Of the row.
     row : ndarray, shape (d,) or (n, d)
         Interface array.
-    load_ratio : float
-        r = g_z/g.
+    load_ratio : float, or ndarray of shape (n,)
+        r = g_z/g, for all rows or each.
 
     Returns
     -------
     ndarray, of the same shape; ``row`` itself where r = 1
     """
-    if load_ratio == 1.0:
+    if isinstance(load_ratio, float) and load_ratio == 1.0:
         return row
     scaled = row.copy()
-    scaled[..., _scaled_columns(interface)] /= load_ratio
+    scaled[..., _scaled_columns(interface)] /= np.asarray(load_ratio)[..., None]
     return scaled
 
 
