@@ -42,7 +42,7 @@ from .report import write_report
 from .slip_model import identify_slip
 
 # Of the map of the third scenario, in m: how far it reaches around the path, and its cells. Its border between asphalt
-# and ice is one and a half cells wide.
+# and ice is two cells wide.
 _MAP_MARGIN: Final = 10.0
 _MAP_SPACING: Final = 0.25
 

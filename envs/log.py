@@ -38,7 +38,8 @@ class InterfaceLog:
     mode : {"rigid", "soil"}
         Terrain mode.
     inputs : ndarray, shape (n, d)
-        What the block received in the accepted evaluation of each tick; columns as in the interface table.
+        What the block received in the accepted evaluation of each tick; columns as in the interface table. On a slope
+        they go through :func:`~grouser.terrain.level_equivalent` to the backend; :meth:`recomputed` does the same.
     forces : ndarray, shape (n, 3)
         What it returned: [Qx, Qy, Mz] that moved the vehicle.
     states : ndarray, shape (n + 1, 11)

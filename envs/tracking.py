@@ -19,6 +19,7 @@ from ..terrain import (
     GuardedBackend,
     GuardMode,
     InvalidInputError,
+    OffMapError,
     PhysicsBackend,
     SimulationDivergedError,
     SlopedGround,
@@ -29,7 +30,7 @@ from ..terrain import (
     unknown_name,
 )
 from ..terrain.parameters import require_in
-from .footing import require_covered, track_forces_on
+from .footing import require_covered, sample_ground, track_forces_on
 from .observation import OBSERVATION_BOUND, Observation, belt_command, observation_size, observe, reference_speed
 from .path import Path, Projection
 from .paths import make_path
@@ -84,7 +85,8 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     The vehicle starts near the path's start (with ``random_start``, anywhere on it), rolling along it; see :class:`ResetOptions`. An episode terminates
     beyond ``maximum_cross_track`` or at the path's end (one lap of a closed path), and is truncated at
     ``time_limit``. Where a surrogate drives the simulation beyond what can be solved, it terminates with
-    ``info["diverged"]`` and the reward of standing at ``maximum_cross_track``, less the weight of progress.
+    ``info["diverged"]`` and the reward of standing at ``maximum_cross_track``, less the weight of progress; and with
+    ``info["off_map"]`` and the same reward where the vehicle leaves a terrain field that refuses it.
 
     ## Info
 
@@ -196,7 +198,10 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             heading=direction + float(heading),
         )
         state = chosen.get("state", drawn)
-        self.simulator.set_ground(self._sloped(chosen["terrain"]) if "terrain" in chosen else self._ground)
+        ground = self._sloped(chosen["terrain"]) if "terrain" in chosen else self._ground
+        # Before anything changes: a start off the map is refused, and the last episode stays.
+        sample_ground(ground, self.vehicle, self.config.ground_sampling, x=state.x, y=state.y, heading=state.heading)
+        self.simulator.set_ground(ground)
         self.simulator.set_state(replace(state, time=0.0))
         near = None if "state" in chosen else arc_length
         self._foot = self.path.project(state.x, state.y, near=near, heading=state.heading)
@@ -240,7 +245,9 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             for _ in range(self._ticks):
                 record = self.simulator.step(command)
         except SimulationDivergedError:
-            return self._diverged(checked)
+            return self._broken_off(checked, "diverged")
+        except OffMapError:
+            return self._broken_off(checked, "off_map")
         foot = self.path.project(record.state.x, record.state.y, near=self._foot.arc_length)
         terms = self._reward_terms(checked, foot, record)
         self._foot, self._action = foot, checked
@@ -254,13 +261,13 @@ class PathTrackingEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         info = self._info(record) | {"reward_terms": terms, "progress": progress}
         return self._observation(), sum(terms.values()), terminated, truncated, info
 
-    def _diverged(self, action: FloatArray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def _broken_off(self, action: FloatArray, why: str) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """End the episode where the last solved tick left the vehicle: one bad episode must not end a training."""
         self._action = action
         self._step_count += 1
         state = self.simulator.get_state()
         self._foot = self.path.project(state.x, state.y, near=self._foot.arc_length)
-        info = {"diverged": True, "cross_track_error": self._foot.cross_track}
+        info = {why: True, "cross_track_error": self._foot.cross_track}
         worst = self.config.cross_track_weight * (self.config.maximum_cross_track / 2.0) ** 2
         return self._observation(), -self.config.progress_weight - worst, True, False, info
 

@@ -14,6 +14,10 @@ class InvalidInputError(GrouserError, ValueError):
     """An array, number or file does not hold what the callee needs."""
 
 
+class OffMapError(InvalidInputError):
+    """A position lies beyond a map that refuses it."""
+
+
 class ArtifactError(GrouserError, ValueError):
     """A surrogate artifact or dataset is missing, altered, or made for something else."""
 

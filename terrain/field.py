@@ -8,7 +8,7 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
-from .errors import InvalidInputError, unknown_name
+from .errors import InvalidInputError, OffMapError, unknown_name
 from .interface import FloatArray, Mode, interface
 from .parameters import PARAMETER_LIMITS, Terrain, require_in, terrain_type
 
@@ -22,7 +22,7 @@ class TerrainField:
 
     Each cell of the grid holds the parameters at its centre. Between the centres they follow a quadratic B-spline, a
     weighted mean of the nine cells around a position: smooth across cell borders, never outside the range of those
-    nine, and exact where the ground is uniform. A border between two grounds is one and a half cells wide.
+    nine, and exact where the ground is uniform. A border between two grounds is two cells wide.
 
     Parameters
     ----------
@@ -131,6 +131,7 @@ class TerrainField:
     def gradient_at(self, x: float, y: float) -> tuple[float, float]:
         """Return (∂z/∂x, ∂z/∂y) of the elevation's spline at (x, y). Raises like :meth:`parameters_at`."""
         if self._heights is None:
+            self._check_position(x, y)
             return 0.0, 0.0
         row, column, across, along = self._stencil(x, y)
         heights = self._heights[row : row + 3, column : column + 3]
@@ -139,18 +140,21 @@ class TerrainField:
 
     def _stencil(self, x: float, y: float) -> tuple[int, int, _Spline, _Spline]:
         """Return the first row and column of the nine cells around a position, in the padded grid, and their splines."""
-        if not (math.isfinite(x) and math.isfinite(y)):
-            raise InvalidInputError(f"a position on the ground must be finite, got ({x!r}, {y!r})")
-        if self.outside == "refuse" and not self.covers(x, y):
-            x_min, x_max, y_min, y_max = self.extent
-            raise InvalidInputError(
-                f"({x:.3f}, {y:.3f}) m lies off the terrain field's map, x {x_min:g} to {x_max:g} and y {y_min:g} to "
-                f"{y_max:g} m; make the map larger, or let its borders go on with outside='extend'"
-            )
+        self._check_position(x, y)
         rows, columns = self.parameters.shape[:2]
         row, across = _spline((y - self.origin[1]) / self.spacing, rows)
         column, along = _spline((x - self.origin[0]) / self.spacing, columns)
         return row, column, across, along
+
+    def _check_position(self, x: float, y: float) -> None:
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise InvalidInputError(f"a position on the ground must be finite, got ({x!r}, {y!r})")
+        if self.outside == "refuse" and not self.covers(x, y):
+            x_min, x_max, y_min, y_max = self.extent
+            raise OffMapError(
+                f"({x:.3f}, {y:.3f}) m lies off the terrain field's map, x {x_min:g} to {x_max:g} and y {y_min:g} to "
+                f"{y_max:g} m; make the map larger, or let its borders go on with outside='extend'"
+            )
 
 
 class _Spline(NamedTuple):
@@ -196,7 +200,10 @@ def grid_shape(extent: tuple[float, float, float, float], spacing: float) -> tup
 
 
 def _frozen(values: FloatArray) -> FloatArray:
-    copy = np.array(values, dtype=np.float64)
+    given = np.asarray(values)
+    if given.dtype.kind not in "fiu":
+        raise InvalidInputError(f"a field holds real numbers, got an array of {given.dtype}")
+    copy = given.astype(np.float64)
     copy.setflags(write=False)
     return copy
 

@@ -67,6 +67,8 @@ class Disc:
     radius: float
 
     def __post_init__(self) -> None:
+        for name in ("x", "y"):
+            require_in(name, getattr(self, name), -1e9, 1e9)
         require_in("radius", self.radius, 0.0, 1e9, low_open=True)
 
     def covers(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
@@ -111,6 +113,8 @@ class Noise:
 
     def __post_init__(self) -> None:
         require_in("correlation_length", self.correlation_length, 0.0, 1e9, low_open=True)
+        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
+            raise InvalidInputError(f"seed must be a whole number of at least 0, got {self.seed!r}")
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the noise at each position."""
@@ -143,7 +147,7 @@ def paint_field(
     extent : tuple of float
         (x_min, x_max, y_min, y_max) in m.
     spacing : float
-        Edge of a cell in m; a border between grounds is one and a half cells wide.
+        Edge of a cell in m; a border between grounds is two cells wide.
     patches : sequence of Patch
         Of the same mode; later ones lie on top of earlier ones.
     noise : Noise, optional

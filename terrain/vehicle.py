@@ -113,6 +113,8 @@ class TrackedVehicle:
         if self.patch_length is not None:
             longest = self.contact_length / self.road_wheels
             require_in("patch_length", self.patch_length, 0.0, longest, low_open=True)
+            if self.road_wheels == 1 and self.patch_length < longest:
+                raise InvalidInputError("a single patch is as long as the contact length: leave patch_length out")
         check_contact(self.contact, self)
 
     @classmethod

@@ -14,12 +14,15 @@ Array = NDArray[np.float64]
 M113: dict[str, Any] = {
     "mode": 0,
     "contact": 0,
+    "path": 0,
     "wheels": 5,
     "along": 4,
     "across": 2,
     "mass": 11300.0,
     "gravity": 9.81,
     "contact_length": 2.667,
+    "element_length": 2.667 / 5,
+    "element_spacing": 2.667 / 5,
     "tread": 2.159,
     "track_width": 0.38,
     "cg_height": 0.79,
@@ -151,11 +154,36 @@ def test_another_jacobian_than_writable_three_by_ten_is_refused(handle: Any, jac
         (X, X, read_only(np.empty((4, 2, 3)))),
         (X.astype(np.float32), X, np.empty((4, 2, 3))),
         (X, X[::-1], np.empty((4, 2, 3))),
+        (X, X, np.empty((4, 2, 3)), np.empty((3, 2, 3, 10))),
+        (X, X, np.empty((4, 2, 3)), np.empty((4, 3, 10))),
+        (X, X, np.empty((4, 2, 3)), np.empty((4, 2, 3, 11))),
+        (X, X, np.empty((4, 2, 3)), np.empty((4, 2, 3, 10), np.float32)),
+        (X, X, np.empty((4, 2, 3)), np.empty((4, 2, 3, 20))[..., ::2]),
+        (X, X, np.empty((4, 2, 3)), read_only(np.empty((4, 2, 3, 10)))),
     ],
 )
 def test_track_forces_refuse_mismatched_or_unsuitable_buffers(arguments: Any) -> None:
     with pytest.raises(ValueError):  # noqa: PT011
         BLOCK.track_forces(*arguments)
+
+
+def test_a_jacobian_of_the_tracks_that_is_no_buffer_is_refused_without_harm() -> None:
+    for given in (None, 3.0, "jacobian"):
+        with pytest.raises((TypeError, ValueError)):
+            BLOCK.track_forces(X, X, np.empty((4, 2, 3)), given)  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        BLOCK.track_forces(X, X, np.empty((4, 2, 3)), np.empty((4, 2, 3, 10)), X)  # type: ignore[call-arg]
+
+
+def test_a_refused_row_leaves_the_outputs_of_the_tracks_as_they_were() -> None:
+    bad = X.copy()
+    bad[3, 9] = -1.0
+    tracks, jacobian = np.full((4, 2, 3), 7.0), np.full((4, 2, 3, 10), 7.0)
+    for left, right in ((bad, X), (X, bad)):
+        with pytest.raises(ValueError, match=r"row 3.*\bk\b"):
+            BLOCK.track_forces(left, right, tracks, jacobian)
+    assert np.all(tracks == 7.0)
+    assert np.all(jacobian == 7.0)
 
 
 @every_handle
@@ -180,6 +208,9 @@ def test_a_refused_row_is_named_with_its_column() -> None:
     [
         ("mode", 2),
         ("contact", -1),
+        ("contact", 2),
+        ("path", -1),
+        ("path", 2),
         ("wheels", 0),
         ("wheels", 65),
         ("along", 0),
@@ -196,6 +227,31 @@ def test_tracks_sum_to_the_forces_to_the_bit() -> None:
     BLOCK.forces(X, forces)
     BLOCK.track_forces(X, X, tracks)
     np.testing.assert_array_equal(tracks.sum(axis=1), forces)
+
+
+@pytest.mark.parametrize("path", [0, 1])
+def test_the_jacobian_of_the_tracks_comes_with_the_same_forces_and_sums_to_that_of_the_vehicle(path: int) -> None:
+    block = _core.Physics(**{**M113, "path": path})
+    x = np.repeat(X, 40, axis=0)  # enough rows to run without the interpreter's lock
+    forces, jacobian = np.empty((160, 3)), np.empty((160, 3, 10))
+    tracks, slopes = np.empty((160, 2, 3)), np.empty((160, 2, 3, 10))
+    block.forces_and_jacobian(x, forces, jacobian)
+    block.track_forces(x, x, tracks, slopes)
+    np.testing.assert_array_equal(tracks.sum(axis=1), forces)
+    np.testing.assert_array_equal(slopes.sum(axis=1), jacobian)
+
+
+def test_each_path_is_another_block() -> None:
+    soft, exact = np.empty((4, 3)), np.empty((4, 3))
+    BLOCK.forces(X, soft)
+    _core.Physics(**{**M113, "path": 1}).forces(X, exact)
+    assert np.all(np.abs(soft - exact) > 1e-3 * np.abs(soft))
+
+
+@pytest.mark.parametrize("name", sorted(M113))
+def test_every_argument_of_the_block_is_asked_for(name: str) -> None:
+    with pytest.raises(TypeError, match="missing required argument"):
+        _core.Physics(**{key: value for key, value in M113.items() if key != name})
 
 
 # Network

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from belt_path import walked_distance
 
 from grouser.terrain import FloatArray, Mode, TrackedVehicle, interface, parameter_ranges
 
@@ -27,6 +28,7 @@ def naive_forces(
     across: int,
     contact: str,
     soft_speed: float,
+    path: str = "soft",
 ) -> list[float]:
     """[Qx, Qy, Mz] of one row, cell by cell with scalars, read off the specification line by line."""
     vx, vy, omega, ax, ay, belt_left, belt_right = (float(value) for value in row[:7])
@@ -37,9 +39,11 @@ def naive_forces(
     g = 9.81
     m, h, length, n = vehicle.mass, vehicle.cg_height, vehicle.contact_length, vehicle.road_wheels
     weight = m * g
-    ell = length / n
+    ell = vehicle.patch_length or length / n
     centre = -vehicle.cg_offset
-    x_of = [centre - length / 2 + (i + 0.5) * ell for i in range(n)]
+    # The first patch begins where the contact length does, the last ends with it, equal gaps between.
+    gap = (length - n * ell) / (n - 1) if n > 1 else 0.0
+    x_of = [centre - length / 2 + ell / 2 + i * (ell + gap) for i in range(n)]
 
     e = -h * ax / g
     spread = sum((x - centre) ** 2 for x in x_of)
@@ -74,7 +78,11 @@ def naive_forces(
                     slip = math.hypot(slip_x, slip_y)
                     if slip == 0.0:
                         continue
-                    stress = strength * -math.expm1(-slip * d / speed / k)
+                    if path == "soft":
+                        sheared = slip * d / speed
+                    else:
+                        sheared = walked_distance(x, y, (vx, vy, omega), belt, d / speed)
+                    stress = strength * -math.expm1(-sheared / k)
                     fx, fy = -stress * area * slip_x / slip, -stress * area * slip_y / slip
                     qx += fx
                     qy += fy
