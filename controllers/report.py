@@ -76,14 +76,16 @@ def overlay_plot(scenario: Scenario, controller: str, drives: Sequence[Drive]) -
 
 
 def _draw_ground(axis: Any, field: TerrainField) -> None:
-    """Shade the ground by its friction, μ or tan φ, the lighter the less it holds; the axis keeps its limits."""
+    """Tint the ground by its friction, μ or tan φ, the bluer the less it holds; the axis keeps its limits."""
     limits = axis.axis()
-    friction = field.parameters[..., 0] if field.mode == "rigid" else np.tan(field.parameters[..., 1])
+    rigid = field.mode == "rigid"
+    friction = field.parameters[..., 0] if rigid else np.tan(field.parameters[..., 1])
     image = axis.imshow(
-        friction, extent=field.extent, origin="lower", cmap="Greys", vmin=0.0, vmax=2.0, aspect="auto", zorder=0
+        friction, extent=field.extent, origin="lower", cmap="Blues_r", vmin=0.0, vmax=1.0, alpha=0.4, aspect="auto"
     )
+    image.set_zorder(0)
     axis.axis(limits)
-    axis.figure.colorbar(image, ax=axis, label="μ" if field.mode == "rigid" else "tan φ", boundaries=np.linspace(0, 1))
+    axis.figure.colorbar(image, ax=axis, label="μ" if rigid else "tan φ", ticks=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0))
 
 
 def report_page(
