@@ -19,12 +19,19 @@ if TYPE_CHECKING:
 def train(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder that grouser data made.")],
     output: Annotated[Path, typer.Argument(metavar="OUTPUT.safetensors", help="The surrogate.")],
+    family: Annotated[
+        Literal["plain", "structured"],
+        typer.Option(help="plain: columns to forces; structured: the shear under one track, the rest computed."),
+    ] = "plain",
     hidden: Annotated[str, typer.Option(metavar="N,N", help="Widths of the hidden layers.")] = "128,128",
     activation: Annotated[Literal["relu", "silu", "tanh"], typer.Option(help="Between layers.")] = "silu",
     epochs: Annotated[int, typer.Option(help="Passes over the data, at most.")] = 60,
     patience: Annotated[int, typer.Option(help="Epochs without improvement before training stops.")] = 20,
     batch_size: Annotated[int, typer.Option(help="Samples a step.")] = 1024,
     learning_rate: Annotated[float, typer.Option(help="Of Adam, at the start.")] = 2e-3,
+    schedule: Annotated[
+        Literal["plateau", "cosine"], typer.Option(help="Of the learning rate: falls when stuck, or over all epochs.")
+    ] = "plateau",
     learning_rate_decay: Annotated[
         float, typer.Option(help="Factor on the learning rate after each epoch; short trainings need about 0.85.")
     ] = 1.0,
@@ -56,6 +63,7 @@ def train(
 
     weights: Any = numbers(output_weights, "--output-weights")
     config = TrainingConfig(
+        family=family,
         hidden=whole_numbers(hidden, "--hidden"),
         activation=activation,
         dropout=dropout,
@@ -63,6 +71,7 @@ def train(
         output_weights=weights,
         huber_delta=huber_delta,
         learning_rate=learning_rate,
+        schedule=schedule,
         learning_rate_decay=learning_rate_decay,
         batch_size=batch_size,
         epochs=epochs,

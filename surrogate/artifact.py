@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.resources import files
@@ -27,11 +27,15 @@ from .container import content_hash, pack, unpack
 from .detector import BoxMahalanobisDetector
 from .network import NUMPY_NETWORK, DenseNetwork, NetworkNamespace, casadi_network
 from .normalizer import Normalizer
+from .track_model import FEATURES, SIDES, Side, track_forces
 
 FORMAT_VERSION: Final = 1
-#: How the interface columns become network inputs; ``interface`` takes them as they are.
-FEATURE_MAPS: Final = ("interface",)
+#: How the interface columns become network inputs: as they are, or as the slip of each track.
+FEATURE_MAPS: Final = ("interface", "track")
 SUFFIX: Final = ".safetensors"
+
+#: Normalized features to normalized outputs.
+Forward = Callable[[Any], Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +49,10 @@ class Surrogate:
     mode : {"rigid", "soil"}
         Terrain mode.
     network : DenseNetwork
-        Normalized features to normalized forces.
+        Normalized features to normalized forces; of a structured surrogate, the features of one track to what its
+        contact elements return at unit strength.
     input_normalizer, output_normalizer : Normalizer
-        Of the features, and of [Qx, Qy, Mz].
+        Of the features, and of [Qx, Qy, Mz] or of the elements' forces.
     detector : BoxMahalanobisDetector
         Where to trust it.
     ranges : ParameterRanges
@@ -60,8 +65,9 @@ class Surrogate:
         What it was trained on.
     metrics : Mapping
         What was measured, as JSON can hold it.
-    feature_map : str
-        How interface columns become features.
+    feature_map : {"interface", "track"}
+        How interface columns become features: as they are (a plain network), or as the slip of each track (the
+        structured surrogate of :mod:`grouser.surrogate.track_model`).
     format_version : int
         Of the file.
 
@@ -97,11 +103,13 @@ class Surrogate:
         if not len(self.ranges.low) == len(self.ranges.high) == len(table.parameter_names):
             raise ArtifactError(f"{self.mode} ranges bound {', '.join(table.parameter_names)}, got {self.ranges}")
         widths = self.network.widths
+        inputs = FEATURES if self.structured else table.size
+        outputs = 3 * self.vehicle.road_wheels if self.structured else len(OUTPUT_NAMES)
         for name, got, expected in (
-            ("network inputs", widths[0], table.size),
-            ("network outputs", widths[-1], len(OUTPUT_NAMES)),
-            ("input normalizer columns", self.input_normalizer.size, widths[0]),
-            ("output normalizer columns", self.output_normalizer.size, len(OUTPUT_NAMES)),
+            ("network inputs", widths[0], inputs),
+            ("network outputs", widths[-1], outputs),
+            ("input normalizer columns", self.input_normalizer.size, inputs),
+            ("output normalizer columns", self.output_normalizer.size, outputs),
         ):
             if got != expected:
                 raise ArtifactError(f"a {self.mode} surrogate has {expected} {name}, got {got}")
@@ -116,7 +124,12 @@ class Surrogate:
         """SHA-256 over tensors and metadata, in hexadecimal: names the surrogate in logs."""
         return content_hash(*encode(self))
 
-    def evaluate(self, xp: NetworkNamespace, x: Any) -> Any:
+    @property
+    def structured(self) -> bool:
+        """Whether it knows the tracks apart; see :mod:`grouser.surrogate.track_model`."""
+        return self.feature_map == "track"
+
+    def evaluate(self, xp: NetworkNamespace, x: Any, forward: Forward | None = None) -> Any:
         """Return [Qx, Qy, Mz] over an array namespace, in float64.
 
         Parameters
@@ -125,8 +138,21 @@ class Surrogate:
             NumPy, torch or CasADi.
         x : array (..., d), or CasADi column (d, 1)
             Interface array.
+        forward : callable, optional
+            Evaluates the network on normalized features; the network itself in float64 by default.
         """
-        z = self.network.forward(xp, self.input_normalizer.normalize(x, xp.array))
+        if not self.structured:
+            return self._apply(xp, x, forward)
+        left, right = (self.evaluate_track(xp, x, side, forward) for side in SIDES)
+        return xp.array.join([a + b for a, b in zip(left, right, strict=True)])
+
+    def evaluate_track(self, xp: NetworkNamespace, x: Any, side: Side, forward: Forward | None = None) -> list[Any]:
+        """Return [Fx, Fy, M] of one track of a structured surrogate, as columns; arguments as of :meth:`evaluate`."""
+        return track_forces(xp, self.vehicle, self.mode, x, side, lambda features: self._apply(xp, features, forward))
+
+    def _apply(self, xp: NetworkNamespace, features: Any, forward: Forward | None) -> Any:
+        z = self.input_normalizer.normalize(features, xp.array)
+        z = self.network.forward(xp, z) if forward is None else forward(z)
         return self.output_normalizer.denormalize(z, xp.array)
 
     def reference_forces(self, x: FloatArray) -> FloatArray:

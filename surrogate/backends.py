@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from ..native import Mlp
+from ..native import Mlp, TrackNet
 from ..terrain import (
+    CONTACTS,
+    GRAVITY,
+    MODES,
     CompiledBackend,
     ConfigurationError,
     FloatArray,
@@ -17,9 +20,12 @@ from ..terrain import (
     TrackedVehicle,
 )
 from .artifact import Surrogate
-from .network import ACTIVATIONS, require_torch, torch_module
+from .network import ACTIVATIONS, require_torch, torch_module, torch_network
+from .track_model import SIDES, shear_points
 
 Artifact = str | os.PathLike[str] | Surrogate | None
+
+_DOMAIN: Final = "k must be positive"
 
 
 class _SurrogateBackend(ForceBackend):
@@ -60,20 +66,57 @@ class NativeSurrogate(_SurrogateBackend, CompiledBackend):
 
     def __init__(self, vehicle: TrackedVehicle, mode: Mode, artifact: Artifact = None) -> None:
         self.surrogate = surrogate = Surrogate.resolve(vehicle, mode, artifact)
-        network = surrogate.network
         try:
-            kernel = Mlp(
-                activation=ACTIVATIONS.index(network.activation),
-                widths=network.widths,
-                parameters=network.packed(),
-                input_mean=surrogate.input_normalizer.mean,
-                input_scale=surrogate.input_normalizer.scale,
-                output_mean=surrogate.output_normalizer.mean,
-                output_scale=surrogate.output_normalizer.scale,
-            )
+            kernel = _track_kernel(surrogate) if surrogate.structured else _plain_kernel(surrogate)
         except ValueError as error:
             raise ConfigurationError(f"the compiled network cannot hold this one: {error}; use 'torch'") from error
-        super().__init__(vehicle, mode, kernel)
+        tracks = kernel if isinstance(kernel, TrackNet) else None
+        super().__init__(vehicle, mode, kernel, domain=_DOMAIN if tracks else "", tracks=tracks)
+
+
+def _plain_kernel(surrogate: Surrogate) -> Mlp:
+    network = surrogate.network
+    return Mlp(
+        activation=ACTIVATIONS.index(network.activation),
+        widths=network.widths,
+        parameters=network.packed(),
+        input_mean=surrogate.input_normalizer.mean,
+        input_scale=surrogate.input_normalizer.scale,
+        output_mean=surrogate.output_normalizer.mean,
+        output_scale=surrogate.output_normalizer.scale,
+    )
+
+
+def _track_kernel(surrogate: Surrogate) -> TrackNet:
+    vehicle, network = surrogate.vehicle, surrogate.network
+    points = shear_points(vehicle)
+    return TrackNet(
+        mode=MODES.index(surrogate.mode),
+        contact=CONTACTS.index(vehicle.contact),
+        wheels=vehicle.road_wheels,
+        mass=vehicle.mass,
+        gravity=GRAVITY,
+        contact_length=vehicle.contact_length,
+        element_length=vehicle.element_length,
+        element_spacing=vehicle.element_spacing,
+        tread=vehicle.tread,
+        track_width=vehicle.track_width,
+        cg_height=vehicle.cg_height,
+        contact_center=vehicle.contact_center,
+        soft_speed=vehicle.soft_speed,
+        activation=ACTIVATIONS.index(network.activation),
+        widths=network.widths,
+        parameters=network.packed(),
+        input_mean=surrogate.input_normalizer.mean,
+        input_scale=surrogate.input_normalizer.scale,
+        output_mean=surrogate.output_normalizer.mean,
+        output_scale=surrogate.output_normalizer.scale,
+        ends=points.ends,
+        reach=points.reach,
+        half_travel=points.half_travel,
+        part_length=points.length,
+        weights=points.weights,
+    )
 
 
 class TorchSurrogate(_SurrogateBackend):
@@ -104,7 +147,9 @@ class TorchSurrogate(_SurrogateBackend):
         require_torch()
         import torch
 
+        self.has_track_forces = self.surrogate.structured
         self._torch = torch
+        self._xp = torch_network()
         self._network = torch_module(self.surrogate.network).requires_grad_(False).eval()
         inputs, outputs = self.surrogate.input_normalizer, self.surrogate.output_normalizer
         self._input = torch.tensor(inputs.mean), torch.tensor(inputs.scale)
@@ -128,7 +173,25 @@ class TorchSurrogate(_SurrogateBackend):
             (jacobian,) = self._torch.autograd.grad(outputs, copies, self._directions.expand_as(outputs))
         return outputs.detach()[..., 0, :].numpy().copy(), jacobian.numpy()
 
+    def track_forces(self, x_left: FloatArray, x_right: FloatArray) -> FloatArray:
+        """Return [Fx, Fy, M] of each track, shape (n, 2, 3); see :meth:`ForceBackend.track_forces`."""
+        if not self.has_track_forces:
+            return super().track_forces(x_left, x_right)
+        left, right = self.check_tracks(x_left, x_right)
+        tracks: list[Any] = []
+        with self._torch.inference_mode():
+            for x, side in zip((left, right), SIDES, strict=True):
+                rows = self._torch.from_numpy(self._writable(x))
+                tracks.append(self._torch.cat(self.surrogate.evaluate_track(self._xp, rows, side, self._forward), -1))
+        forces: FloatArray = self._torch.stack(tracks, dim=-2).numpy()
+        return forces
+
+    def _forward(self, features: Any) -> Any:
+        return self._network(features.float()).double()
+
     def _evaluate(self, rows: Any) -> Any:
+        if self.surrogate.structured:
+            return self.surrogate.evaluate(self._xp, rows, self._forward)
         (mean, scale), (output_mean, output_scale) = self._input, self._output
         return output_mean + output_scale * self._network(((rows - mean) / scale).float()).double()
 

@@ -32,7 +32,7 @@ class ForceBackend(ABC):
     #: Name under which log columns and comparisons mention the backend.
     name: ClassVar[str] = "custom"
     #: Whether :meth:`track_forces` is available.
-    has_track_forces: ClassVar[bool] = False
+    has_track_forces: bool = False
     #: Smallest change of force that the arithmetic resolves, relative to the force. Solvers do not ask for more.
     resolution: float = float(np.finfo(np.float64).eps)
 

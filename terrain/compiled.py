@@ -22,6 +22,15 @@ class Kernel(Protocol):
         """Write the forces and ∂Q/∂x of every row."""
 
 
+class TrackKernel(Protocol):
+    """A compiled force function that knows the tracks apart."""
+
+    def track_forces(
+        self, x_left: FloatArray, x_right: FloatArray, track_forces: FloatArray, jacobian: FloatArray = ..., /
+    ) -> None:
+        """Write [Fx, Fy, M] of both tracks of every row and, if asked, their derivatives by their own input."""
+
+
 class CompiledBackend(ForceBackend):
     """A force backend whose arithmetic is a compiled kernel.
 
@@ -37,12 +46,24 @@ class CompiledBackend(ForceBackend):
         The compiled function.
     domain : str
         What the kernel asks of a row besides finite values, for the error.
+    tracks : TrackKernel, optional
+        The same function by track, where there is one.
     """
 
-    def __init__(self, vehicle: TrackedVehicle, mode: Mode, kernel: Kernel, *, domain: str = "") -> None:
+    def __init__(
+        self,
+        vehicle: TrackedVehicle,
+        mode: Mode,
+        kernel: Kernel,
+        *,
+        domain: str = "",
+        tracks: TrackKernel | None = None,
+    ) -> None:
         super().__init__(vehicle, mode)
         self._kernel = kernel
         self._domain = domain
+        self._tracks = tracks
+        self.has_track_forces = tracks is not None
 
     def forces(self, x: FloatArray) -> FloatArray:
         """Return [Qx, Qy, Mz], shape (3,) or (n, 3); see :meth:`ForceBackend.forces`."""
@@ -63,6 +84,31 @@ class CompiledBackend(ForceBackend):
             self._kernel.forces_and_jacobian(x, out, jacobian)
         except ValueError as error:
             raise self._refusal(x, error) from error
+        return out, jacobian
+
+    def track_forces(self, x_left: FloatArray, x_right: FloatArray) -> FloatArray:
+        """Return [Fx, Fy, M] of each track, shape (n, 2, 3); see :meth:`ForceBackend.track_forces`."""
+        if self._tracks is None:
+            return super().track_forces(x_left, x_right)
+        left, right = self.check_tracks(x_left, x_right)
+        out = np.empty((len(left), 2, 3))
+        try:
+            self._tracks.track_forces(left, right, out)
+        except ValueError as error:
+            raise self._refusal(left, error) from error
+        return out
+
+    def track_forces_and_jacobian(self, x_left: FloatArray, x_right: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return track forces and the analytic derivatives of each by its own input."""
+        if self._tracks is None:
+            return super().track_forces_and_jacobian(x_left, x_right)
+        left, right = self.check_tracks(x_left, x_right)
+        out = np.empty((len(left), 2, 3))
+        jacobian = np.empty((*out.shape, self.interface.size))
+        try:
+            self._tracks.track_forces(left, right, out, jacobian)
+        except ValueError as error:
+            raise self._refusal(left, error) from error
         return out, jacobian
 
     def _kernel_input(self, x: Any) -> FloatArray:

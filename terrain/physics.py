@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final
 
-import numpy as np
-
 from ..native import Physics
 from .block import SHEAR_PATHS, ShearGrid, ShearPath
 from .compiled import CompiledBackend
 from .errors import InvalidInputError
-from .interface import MODES, FloatArray, Mode, interface
+from .interface import MODES, Mode, interface
 from .parameters import require_in
 from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle, check_contact
 
@@ -43,7 +41,6 @@ class PhysicsBackend(CompiledBackend):
     """
 
     name: ClassVar[str] = "physics"
-    has_track_forces: ClassVar[bool] = True
     #: How the shear displacement of a cell is found; see :class:`~grouser.terrain.ShearGrid`.
     shear_path: ClassVar[ShearPath] = "soft"
 
@@ -84,32 +81,10 @@ class PhysicsBackend(CompiledBackend):
             )
         except ValueError as error:
             raise InvalidInputError(str(error)) from error
-        super().__init__(vehicle, mode, block, domain=_DOMAIN)
-        self._block = block
+        super().__init__(vehicle, mode, block, domain=_DOMAIN, tracks=block)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuild, (type(self), self.vehicle, self.mode, self.grid, self.soft_speed)
-
-    def track_forces(self, x_left: FloatArray, x_right: FloatArray) -> FloatArray:
-        """Return [Fx, Fy, M] of each track, shape (n, 2, 3); see :meth:`ForceBackend.track_forces`."""
-        left, right = self.check_tracks(x_left, x_right)
-        out = np.empty((left.shape[0], 2, 3))
-        try:
-            self._block.track_forces(left, right, out)
-        except ValueError as error:
-            raise InvalidInputError(f"{error}; {_DOMAIN}") from error
-        return out
-
-    def track_forces_and_jacobian(self, x_left: FloatArray, x_right: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return track forces and the analytic derivatives of each by its own input."""
-        left, right = self.check_tracks(x_left, x_right)
-        out = np.empty((left.shape[0], 2, 3))
-        jacobian = np.empty((*out.shape, self.interface.size))
-        try:
-            self._block.track_forces(left, right, out, jacobian)
-        except ValueError as error:
-            raise InvalidInputError(f"{error}; {_DOMAIN}") from error
-        return out, jacobian
 
     def describe(self) -> dict[str, Any]:
         """Return backend, mode, vehicle, grid, contact option and V_ε."""

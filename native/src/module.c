@@ -33,7 +33,9 @@ static PyMethodDef methods[] = {
     {NULL, NULL, 0, NULL}};
 
 static int execute(PyObject *module) {
-  return grouser_add_physics_type(module) < 0 || grouser_add_mlp_type(module) < 0 ? -1 : 0;
+  return grouser_add_physics_type(module) < 0 || grouser_add_mlp_type(module) < 0 || grouser_add_track_net_type(module) < 0
+             ? -1
+             : 0;
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, execute}, {0, NULL}};

@@ -4,6 +4,9 @@
 
 #include <Python.h>
 
+#include "grouser/dense.h"
+#include "grouser/physics.h"
+
 /* A float64, C-contiguous view of a caller's array; rows = elements / row_size. */
 typedef struct {
   Py_buffer view;
@@ -26,10 +29,17 @@ typedef struct {
   void (*evaluate)(const void *self, const double *x, double *forces, double *jacobian);
   /* Name of the first column that is not finite or out of the function's domain, or NULL. */
   const char *(*refuses)(const void *self, const double *x);
+  /* Writes the same of one track (0 left, 1 right); NULL where the tracks are not known apart. */
+  void (*evaluate_track)(const void *self, const double *x, int side, double *forces, double *jacobian);
 } grouser_kernel;
 
 /* Evaluates every row into the caller's arrays and returns None, or raises ValueError; jacobian may be NULL. */
 PyObject *grouser_kernel_call(const grouser_kernel *kernel, PyObject *x, PyObject *forces, PyObject *jacobian);
+
+/* Evaluates every row of both tracks, each from its own input, into tracks (2 x 3 a row) and, unless NULL, jacobian
+ * (2 x 3 x columns a row). */
+PyObject *grouser_kernel_call_tracks(const grouser_kernel *kernel, PyObject *left, PyObject *right, PyObject *tracks,
+                                     PyObject *jacobian);
 
 /* 1 and an error raised if the kernel refuses a row. */
 int grouser_kernel_refuses(const grouser_kernel *kernel, const grouser_array *x);
@@ -37,7 +47,18 @@ int grouser_kernel_refuses(const grouser_kernel *kernel, const grouser_array *x)
 /* 1, or 0 and an error raised: `b`, called `what`, must have the rows of `a`. */
 int grouser_same_rows(const grouser_array *a, const grouser_array *b, const char *what);
 
+/* Copies `count` float64 values of an array into `out`; -1 and an error raised if it holds another number. */
+int grouser_copy_doubles(PyObject *object, const char *name, Py_ssize_t count, double *out);
+
+/* Reads activation, widths and packed float32 parameters into a network, and returns the copy that it points into, to
+ * be freed with PyMem_Free; or NULL and an error raised. */
+float *grouser_read_dense(int activation, PyObject *widths, PyObject *parameters, grouser_dense *net);
+
+/* Checks and copies the fields of a block; -1 and an error raised if one is out of range. */
+int grouser_read_block(int mode, int contact, int path, grouser_physics *block);
+
 int grouser_add_physics_type(PyObject *module);
 int grouser_add_mlp_type(PyObject *module);
+int grouser_add_track_net_type(PyObject *module);
 
 #endif

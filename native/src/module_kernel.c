@@ -52,3 +52,46 @@ release_x:
   grouser_array_release(&x);
   return result;
 }
+
+static void evaluate_tracks(const grouser_kernel *kernel, const grouser_array *left, const grouser_array *right,
+                            double *tracks, double *jacobian) {
+  const Py_ssize_t entries = GROUSER_OUTPUTS * kernel->columns;
+  const grouser_array *sides[] = {left, right};
+  for (Py_ssize_t row = 0; row < left->rows; row++)
+    for (int side = 0; side < 2; side++)
+      kernel->evaluate_track(kernel->self, sides[side]->data + row * kernel->columns, side,
+                             tracks + (2 * row + side) * GROUSER_OUTPUTS,
+                             jacobian ? jacobian + (2 * row + side) * entries : NULL);
+}
+
+PyObject *grouser_kernel_call_tracks(const grouser_kernel *kernel, PyObject *left_object, PyObject *right_object,
+                                     PyObject *tracks_object, PyObject *jacobian_object) {
+  PyObject *result = NULL;
+  grouser_array left, right, tracks, jacobian = {.data = NULL};
+  if (grouser_array_acquire(left_object, "x_left", kernel->columns, 0, &left) < 0) return NULL;
+  if (grouser_array_acquire(right_object, "x_right", kernel->columns, 0, &right) < 0) goto release_left;
+  if (grouser_array_acquire(tracks_object, "track_forces", 2 * GROUSER_OUTPUTS, 1, &tracks) < 0) goto release_right;
+  if (jacobian_object &&
+      grouser_array_acquire(jacobian_object, "jacobian", 2 * GROUSER_OUTPUTS * kernel->columns, 1, &jacobian) < 0)
+    goto release_tracks;
+  if (grouser_same_rows(&left, &right, "x_right") && grouser_same_rows(&left, &tracks, "track_forces") &&
+      (!jacobian_object || grouser_same_rows(&left, &jacobian, "jacobian")) &&
+      !grouser_kernel_refuses(kernel, &left) && !grouser_kernel_refuses(kernel, &right)) {
+    if (left.rows >= GROUSER_BATCH_ROWS) {
+      Py_BEGIN_ALLOW_THREADS
+      evaluate_tracks(kernel, &left, &right, tracks.data, jacobian.data);
+      Py_END_ALLOW_THREADS
+    } else {
+      evaluate_tracks(kernel, &left, &right, tracks.data, jacobian.data);
+    }
+    result = Py_NewRef(Py_None);
+  }
+  if (jacobian_object) grouser_array_release(&jacobian);
+release_tracks:
+  grouser_array_release(&tracks);
+release_right:
+  grouser_array_release(&right);
+release_left:
+  grouser_array_release(&left);
+  return result;
+}

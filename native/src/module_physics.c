@@ -6,6 +6,24 @@ typedef struct {
   grouser_physics block;
 } physics_object;
 
+int grouser_read_block(int mode, int contact, int path, grouser_physics *block) {
+  if ((mode != GROUSER_RIGID && mode != GROUSER_SOIL) || (contact != GROUSER_CONTINUOUS && contact != GROUSER_PER_WHEEL) ||
+      (path != GROUSER_SOFT_PATH && path != GROUSER_EXACT_PATH)) {
+    PyErr_SetString(PyExc_ValueError, "mode, contact and path must be 0 or 1");
+    return -1;
+  }
+  if (block->wheels < 1 || block->wheels > GROUSER_MAX_WHEELS || block->along < 1 ||
+      block->along > GROUSER_MAX_CELLS || block->across < 1 || block->across > GROUSER_MAX_CELLS) {
+    PyErr_Format(PyExc_ValueError, "wheels must lie in [1, %d], cells along and across in [1, %d]", GROUSER_MAX_WHEELS,
+                 GROUSER_MAX_CELLS);
+    return -1;
+  }
+  block->mode = (enum grouser_mode)mode;
+  block->contact = (enum grouser_contact)contact;
+  block->path = (enum grouser_path)path;
+  return 0;
+}
+
 static PyObject *physics_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
   static char *names[] = {"mode",           "contact",         "path",  "wheels",      "along",     "across",
                           "mass",           "gravity",         "contact_length",       "element_length",
@@ -17,20 +35,7 @@ static PyObject *physics_new(PyTypeObject *type, PyObject *arguments, PyObject *
                                    &b.along, &b.across, &b.mass, &b.gravity, &b.contact_length, &b.element_length,
                                    &b.element_spacing, &b.tread, &b.track_width, &b.cg_height, &b.contact_center, &b.soft_speed))
     return NULL;
-  if ((mode != GROUSER_RIGID && mode != GROUSER_SOIL) || (contact != GROUSER_CONTINUOUS && contact != GROUSER_PER_WHEEL) ||
-      (path != GROUSER_SOFT_PATH && path != GROUSER_EXACT_PATH)) {
-    PyErr_SetString(PyExc_ValueError, "mode, contact and path must be 0 or 1");
-    return NULL;
-  }
-  if (b.wheels < 1 || b.wheels > GROUSER_MAX_WHEELS || b.along < 1 || b.along > GROUSER_MAX_CELLS || b.across < 1 ||
-      b.across > GROUSER_MAX_CELLS) {
-    PyErr_Format(PyExc_ValueError, "wheels must lie in [1, %d], cells along and across in [1, %d]", GROUSER_MAX_WHEELS,
-                 GROUSER_MAX_CELLS);
-    return NULL;
-  }
-  b.mode = (enum grouser_mode)mode;
-  b.path = (enum grouser_path)path;
-  b.contact = (enum grouser_contact)contact;
+  if (grouser_read_block(mode, contact, path, &b) < 0) return NULL;
   allocfunc allocate = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
   physics_object *self = (physics_object *)allocate(type, 0);
   if (self) self->block = b;
@@ -50,9 +55,13 @@ static void evaluate(const void *block, const double *x, double *forces, double 
 
 static const char *refuses(const void *block, const double *x) { return grouser_physics_refuses(block, x); }
 
+static void evaluate_track(const void *block, const double *x, int side, double *forces, double *jacobian) {
+  grouser_physics_track(block, x, (enum grouser_side)side, forces, jacobian);
+}
+
 static grouser_kernel kernel_of(PyObject *self) {
   const grouser_physics *block = &((physics_object *)self)->block;
-  return (grouser_kernel){block, grouser_columns(block->mode), evaluate, refuses};
+  return (grouser_kernel){block, grouser_columns(block->mode), evaluate, refuses, evaluate_track};
 }
 
 static PyObject *physics_forces(PyObject *self, PyObject *arguments) {
@@ -69,52 +78,11 @@ static PyObject *physics_forces_and_jacobian(PyObject *self, PyObject *arguments
   return grouser_kernel_call(&kernel, x, forces, jacobian);
 }
 
-static void evaluate_tracks(const grouser_physics *block, const grouser_array *left, const grouser_array *right,
-                            double *tracks, double *jacobian) {
-  const int columns = grouser_columns(block->mode);
-  const Py_ssize_t entries = GROUSER_OUTPUTS * columns;
-  for (Py_ssize_t row = 0; row < left->rows; row++, tracks += 2 * GROUSER_OUTPUTS) {
-    double *slopes = jacobian ? jacobian + 2 * row * entries : NULL;
-    grouser_physics_track(block, left->data + row * columns, GROUSER_LEFT, tracks, slopes);
-    grouser_physics_track(block, right->data + row * columns, GROUSER_RIGHT, tracks + GROUSER_OUTPUTS,
-                          slopes ? slopes + entries : NULL);
-  }
-}
-
 static PyObject *physics_track_forces(PyObject *self, PyObject *arguments) {
-  const grouser_physics *block = &((physics_object *)self)->block;
+  PyObject *left, *right, *tracks, *jacobian = NULL;
+  if (!PyArg_ParseTuple(arguments, "OOO|O:track_forces", &left, &right, &tracks, &jacobian)) return NULL;
   const grouser_kernel kernel = kernel_of(self);
-  const int columns = kernel.columns;
-  PyObject *left_object, *right_object, *tracks_object, *jacobian_object = NULL, *result = NULL;
-  grouser_array left, right, tracks, jacobian = {.data = NULL};
-  if (!PyArg_ParseTuple(arguments, "OOO|O:track_forces", &left_object, &right_object, &tracks_object, &jacobian_object))
-    return NULL;
-  if (grouser_array_acquire(left_object, "x_left", columns, 0, &left) < 0) return NULL;
-  if (grouser_array_acquire(right_object, "x_right", columns, 0, &right) < 0) goto release_left;
-  if (grouser_array_acquire(tracks_object, "track_forces", 2 * GROUSER_OUTPUTS, 1, &tracks) < 0) goto release_right;
-  if (jacobian_object &&
-      grouser_array_acquire(jacobian_object, "jacobian", 2 * GROUSER_OUTPUTS * columns, 1, &jacobian) < 0)
-    goto release_tracks;
-  if (grouser_same_rows(&left, &right, "x_right") && grouser_same_rows(&left, &tracks, "track_forces") &&
-      (!jacobian_object || grouser_same_rows(&left, &jacobian, "jacobian")) &&
-      !grouser_kernel_refuses(&kernel, &left) && !grouser_kernel_refuses(&kernel, &right)) {
-    if (left.rows >= GROUSER_BATCH_ROWS) {
-      Py_BEGIN_ALLOW_THREADS
-      evaluate_tracks(block, &left, &right, tracks.data, jacobian.data);
-      Py_END_ALLOW_THREADS
-    } else {
-      evaluate_tracks(block, &left, &right, tracks.data, jacobian.data);
-    }
-    result = Py_NewRef(Py_None);
-  }
-  if (jacobian_object) grouser_array_release(&jacobian);
-release_tracks:
-  grouser_array_release(&tracks);
-release_right:
-  grouser_array_release(&right);
-release_left:
-  grouser_array_release(&left);
-  return result;
+  return grouser_kernel_call_tracks(&kernel, left, right, tracks, jacobian);
 }
 
 static PyMethodDef physics_methods[] = {

@@ -20,13 +20,17 @@ def training_rows(train: Dataset, config: TrainingConfig) -> tuple[FloatArray, F
     generator = np.random.default_rng((config.seed, len(train.inputs)))
     beside, beside_forces = perturbed_rows(train, config.perturbed_copies, generator)
     inputs, forces = np.concatenate([train.inputs, beside]), np.concatenate([train.forces, beside_forces])
-    return with_symmetries(train, inputs, forces) if config.symmetries else (inputs, forces)
+    mirror = config.family == "plain"
+    return with_symmetries(train, inputs, forces, mirror=mirror) if config.symmetries else (inputs, forces)
 
 
-def with_symmetries(dataset: Dataset, inputs: FloatArray, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+def with_symmetries(
+    dataset: Dataset, inputs: FloatArray, forces: FloatArray, *, mirror: bool = True
+) -> tuple[FloatArray, FloatArray]:
     """Return rows and forces joined by their mirror images and, with a centred CG, their fore-aft reversals."""
     table = dataset.interface
-    inputs, forces = np.concatenate([inputs, table.mirror(inputs)]), np.concatenate([forces, mirror_forces(forces)])
+    if mirror:
+        inputs, forces = np.concatenate([inputs, table.mirror(inputs)]), np.concatenate([forces, mirror_forces(forces)])
     if dataset.vehicle.cg_offset == 0:
         inputs, forces = (
             np.concatenate([inputs, table.reverse(inputs)]),

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from ...terrain import (
-    OUTPUT_NAMES,
     ArtifactError,
     FloatArray,
     InvalidInputError,
@@ -24,7 +24,8 @@ from ..threads import torch_threads
 from .checkpoint import TrainingState, load_checkpoint, save_checkpoint
 from .dataset import Dataset
 from .metrics import force_metrics, metrics_to_dict
-from .preparation import training_rows, whitening
+from .objective import Objective, make_objective
+from .preparation import training_rows
 from .split import RunSplit, split_runs
 from .training_config import TrainingConfig
 
@@ -54,6 +55,9 @@ class EpochReport:
 
 
 Report = Callable[[EpochReport], None]
+
+# Share of all steps over which the cosine schedule rises.
+_WARM_UP: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,14 +114,12 @@ def train_surrogate(
     split = split_runs(dataset.records, seed=config.seed)
     train, validation, test = (dataset.select(side) for side in (split.train, split.validation, split.test))
     inputs, forces = training_rows(train, config)
-    input_normalizer, output_normalizer = Normalizer.fit(inputs), Normalizer.fit(forces)
+    objective = make_objective(config, dataset.vehicle, dataset.manifest.mode, inputs, forces)
     with torch_threads(threads):
         network, history = _optimize(
             config,
-            [
-                (input_normalizer.normalize(x), output_normalizer.normalize(y))
-                for x, y in ((inputs, forces), (validation.inputs, validation.forces))
-            ],
+            objective,
+            [(inputs, forces), (validation.inputs, validation.forces)],
             output.with_suffix(".checkpoint"),
             {"config": asdict(config), "dataset": dataset.manifest.content_hash},
             report,
@@ -126,7 +128,7 @@ def train_surrogate(
     detector = BoxMahalanobisDetector.fit(
         train.inputs,
         train.run_index,
-        input_normalizer,
+        Normalizer.fit(inputs),
         ranges,
         dataset.vehicle,
         calibration=(validation.inputs, validation.run_index),
@@ -135,14 +137,15 @@ def train_surrogate(
         vehicle=dataset.vehicle,
         mode=dataset.manifest.mode,
         network=network,
-        input_normalizer=input_normalizer,
-        output_normalizer=output_normalizer,
+        input_normalizer=objective.input_normalizer,
+        output_normalizer=objective.output_normalizer,
         detector=detector,
         ranges=ranges,
         range_name=dataset.manifest.ranges,
         recipe={**asdict(config), "split": split.to_dict(), "teacher": dict(dataset.manifest.backend)},
         dataset_hash=dataset.manifest.content_hash,
         metrics={},
+        feature_map=objective.feature_map,
     )
     metrics = force_metrics(draft.reference_forces(test.inputs), test.forces)
     surrogate = replace(draft, metrics={"test": metrics_to_dict(metrics)})
@@ -153,6 +156,7 @@ def train_surrogate(
 
 def _optimize(
     config: TrainingConfig,
+    objective: Objective,
     sides: list[tuple[FloatArray, FloatArray]],
     checkpoint: Path,
     identity: dict[str, Any],
@@ -160,38 +164,38 @@ def _optimize(
 ) -> tuple[DenseNetwork, list[EpochReport]]:
     import torch
 
-    coordinates = whitening(sides[0][0]) if config.whiten else np.eye(sides[0][0].shape[1])
-    (x, y), (x_validation, y_validation) = (
-        tuple(torch.from_numpy(array.astype(np.float32)) for array in (inputs @ coordinates, outputs))
-        for inputs, outputs in sides
-    )
-    module = _initial_module((x.shape[1], *config.hidden, len(OUTPUT_NAMES)), config)
+    rows, held_out = (objective.tensors(inputs, forces) for inputs, forces in sides)
+    count = len(rows[0])
+    module = _initial_module(objective.widths, config)
     optimizer = torch.optim.Adam(module.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     weights = torch.tensor(config.output_weights)
 
-    def loss_of(inputs: Any, targets: Any) -> Any:
-        element = torch.nn.functional.huber_loss(module(inputs), targets, reduction="none", delta=config.huber_delta)
+    def loss_of(batch: Sequence[Any]) -> Any:
+        errors = objective.errors(module, batch)
+        zeros = torch.zeros_like(errors)
+        element = torch.nn.functional.huber_loss(errors, zeros, reduction="none", delta=config.huber_delta)
         return (element * weights).sum(dim=1).mean()
 
     state = load_checkpoint(checkpoint, module, optimizer, identity) or TrainingState(rate=config.learning_rate)
     history: list[EpochReport] = []
     while state.epoch < config.epochs and state.stale < config.patience:
-        for group in optimizer.param_groups:
-            group["lr"] = state.rate
         module.train()
         torch.manual_seed(np.random.SeedSequence((config.seed, state.epoch)).generate_state(1)[0].item())
-        order = torch.randperm(len(x))
         total = 0.0
-        for batch in torch.split(order, config.batch_size):
+        batches = torch.split(torch.randperm(count), config.batch_size)
+        for index, batch in enumerate(batches):
+            rate = _rate(config, state, index / len(batches))
+            for group in optimizer.param_groups:
+                group["lr"] = rate
             optimizer.zero_grad(set_to_none=True)
-            loss = loss_of(x[batch], y[batch])
+            loss = loss_of([part[batch] for part in rows])
             loss.backward()
             optimizer.step()
             total += float(loss.detach()) * len(batch)
         module.eval()
         with torch.inference_mode():
-            validation_loss = float(loss_of(x_validation, y_validation))
-        rate, improved = state.rate, validation_loss < state.best_loss
+            validation_loss = float(loss_of(held_out))
+        improved = validation_loss < state.best_loss
         state = state.after(
             validation_loss,
             module,
@@ -200,14 +204,22 @@ def _optimize(
             decay=config.learning_rate_decay,
         )
         save_checkpoint(checkpoint, state, module, optimizer, identity)
-        entry = EpochReport(state.epoch, config.epochs, total / len(x), validation_loss, rate, improved)
+        entry = EpochReport(state.epoch, config.epochs, total / count, validation_loss, rate, improved)
         history.append(entry)
         if report:
             report(entry)
     module.load_state_dict(state.best_parameters)
-    trained = DenseNetwork.from_torch(module)
-    first, *others = trained.weights
-    return replace(trained, weights=((coordinates @ first).astype(np.float32), *others)), history
+    return objective.finished(DenseNetwork.from_torch(module)), history
+
+
+def _rate(config: TrainingConfig, state: TrainingState, share: float) -> float:
+    """Return the learning rate at a share of the state's epoch."""
+    if config.schedule == "plateau":
+        return state.rate
+    done = (state.epoch + share) / config.epochs
+    if done < _WARM_UP:
+        return config.learning_rate * max(done, _WARM_UP / 20) / _WARM_UP
+    return config.learning_rate * (1.0 + math.cos(math.pi * (done - _WARM_UP) / (1.0 - _WARM_UP))) / 2
 
 
 def _initial_module(widths: tuple[int, ...], config: TrainingConfig) -> Any:

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final, Literal
 
 from ...terrain import InvalidInputError
 from ..network import ACTIVATIONS, Activation
+
+Family = Literal["plain", "structured"]
+FAMILIES: Final[tuple[Family, ...]] = ("plain", "structured")
+Schedule = Literal["plateau", "cosine"]
+SCHEDULES: Final[tuple[Schedule, ...]] = ("plateau", "cosine")
 
 
 @dataclass(frozen=True)
@@ -15,6 +21,9 @@ class TrainingConfig:
 
     Parameters
     ----------
+    family : {"plain", "structured"}
+        A network from the interface columns to the forces, or the structured one of a single track; see
+        :mod:`grouser.surrogate.track_model`.
     hidden : tuple of int
         Hidden layer widths.
     activation : {"relu", "silu", "tanh"}
@@ -29,6 +38,9 @@ class TrainingConfig:
         In standard deviations.
     learning_rate : float
         Of Adam, at the start.
+    schedule : {"plateau", "cosine"}
+        Whether the learning rate falls where the validation loss is flat, or rises over the first tenth of all steps
+        and falls by a cosine to nothing.
     learning_rate_decay : float
         What the learning rate is multiplied by after every epoch, in (0, 1]; short trainings need it.
     batch_size : int
@@ -46,10 +58,11 @@ class TrainingConfig:
         :mod:`grouser.surrogate.offline.perturbation`.
     symmetries : bool
         Whether training rows are joined by their mirror images and, where the CG is centred, their fore-aft
-        reversals: the block has both symmetries exactly.
+        reversals: the block has both symmetries exactly. A structured surrogate has the mirror image by itself.
     whiten : bool
         Whether the first layer is trained in whitened coordinates, then folded back to normalized ones. Belt speeds
         nearly follow the body, and the forces hang on the small differences, which gradients otherwise hardly see.
+        The features of a structured surrogate are those differences, and are left as they are.
     seed : int
         Of split, initial weights, shuffling and dropout.
 
@@ -59,6 +72,7 @@ class TrainingConfig:
         If a value is impossible.
     """
 
+    family: Family = "plain"
     hidden: tuple[int, ...] = (128, 128)
     activation: Activation = "silu"
     dropout: float = 0.0
@@ -66,6 +80,7 @@ class TrainingConfig:
     output_weights: tuple[float, float, float] = (1.0, 1.0, 3.0)
     huber_delta: float = 1.0
     learning_rate: float = 2e-3
+    schedule: Schedule = "plateau"
     learning_rate_decay: float = 1.0
     batch_size: int = 1024
     epochs: int = 60
@@ -92,6 +107,9 @@ class TrainingConfig:
             raise InvalidInputError(f"learning_rate_decay must lie in (0, 1], got {self.learning_rate_decay}")
         if self.perturbed_copies < 0:
             raise InvalidInputError(f"perturbed_copies must not be negative, got {self.perturbed_copies}")
+        for name, known in (("family", FAMILIES), ("schedule", SCHEDULES)):
+            if getattr(self, name) not in known:
+                raise InvalidInputError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
         if self.activation not in ACTIVATIONS:
             raise InvalidInputError(f"activation must be one of {', '.join(ACTIVATIONS)}, got {self.activation!r}")
         if (

@@ -56,7 +56,7 @@ class ReferenceBackend(ForceBackend):
     """
 
     name: ClassVar[str] = "numpy"
-    has_track_forces: ClassVar[bool] = True
+    has_track_forces = True
 
     def __init__(self, vehicle: TrackedVehicle, mode: Mode, grid: ShearGrid, soft_speed: float) -> None:
         super().__init__(vehicle, mode)

@@ -194,7 +194,7 @@ def test_other_columns(saved: Path) -> None:
 
 
 def test_an_unknown_feature_map(make_surrogate: Make) -> None:
-    with pytest.raises(ArtifactError, match=r"unknown feature map 'slipp' \(known: interface\)"):
+    with pytest.raises(ArtifactError, match=r"unknown feature map 'slipp' \(known: interface, track\)"):
         replace(make_surrogate(), feature_map="slipp")
 
 

@@ -89,7 +89,7 @@ def test_track_forces_are_refused_by_a_backend_without_the_capability() -> None:
 
 
 def test_physics_declares_the_capability() -> None:
-    assert PhysicsBackend.has_track_forces
+    assert PhysicsBackend(M113, "rigid").has_track_forces
 
 
 def test_a_backend_describes_itself_as_json() -> None:

@@ -1,0 +1,227 @@
+"""The structured surrogate: a network for the shear under one track, and the block's own equations for the rest.
+
+The force of a track is Σ_i S_i g_i + rolling resistance. S_i = τ_max A of contact element i follows from load transfer
+and strength, and is computed; g_i, the force and moment that the element returns at unit strength, depends on the
+track's slip alone. That is four numbers: slip velocity along and across, yaw rate, each times L/(K √(Vt² + V_ε²)), and
+the soft rolling direction. The right track is the mirror image of the left one, so that both share one network and
+the vehicle's mirror symmetry holds to the bit. All quantities here are those of a track mirrored to the left side.
+
+Four shear points along the track give g_i to a few parts in a thousand; the network adds the rest through a gate that
+closes with the slip, so that a vehicle at rest feels no force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from ..terrain import FloatArray, Mode, TrackedVehicle
+from ..terrain.block import element_shares, rolling_direction, shear_factor, shear_strength, side_loads
+from .network import NetworkNamespace
+
+#: Shear points along each track.
+POINTS: Final = 4
+#: Features of a track: shear at the points along and across, gated slip direction (3), slip size, rolling direction.
+FEATURES: Final = 2 * POINTS + 5
+# Far below any speed; keeps the derivatives of a length finite at zero.
+_TINY_SQUARE: Final = 1e-300
+
+Side = Literal["left", "right"]
+SIDES: Final[tuple[Side, ...]] = ("left", "right")
+
+#: Network outputs (…, 3n) for features (…, 13): along, across and moment, element by element each.
+Correction = Callable[[Any], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class TrackState:
+    """What one track's force is made of, as columns of an array namespace.
+
+    Parameters
+    ----------
+    features : array, shape (..., 13)
+        Network inputs, bounded; zero at rest but for the last, the rolling direction.
+    gate : array, shape (..., 1)
+        1 − exp(−z̄), z̄ the shear at the middle of the track over K.
+    quadrature : array, shape (..., 3n)
+        Unit-strength forces of the elements from the shear points.
+    strengths : array, shape (..., n)
+        S_i in N.
+    rolling : array, shape (..., 1)
+        Rolling resistance in N.
+    """
+
+    features: Any
+    gate: Any
+    quadrature: Any
+    strengths: Any
+    rolling: Any
+
+
+def track_state(xp: NetworkNamespace, vehicle: TrackedVehicle, mode: Mode, x: Any, side: Side) -> TrackState:
+    """Return features, gate, quadrature, strengths and rolling resistance of one track.
+
+    At shear point j, the middle of a part of length Δ of the track, the slip is a = Vx − ω B/2 − Vt along and
+    b = Vy + ω x across, r its mean size between the ends of the part, the lateral spread ω²b²/12 of the track's width
+    included. With d_j the distance travelled and t = 1/(K √(Vt² + V_ε²)), the shear is −(1 − e^(−r d_j t))(a, b)/r. Across the track
+    −e^(−r d_j t) s ω Δ² t/12 joins it: without slip the shear grows like d·b, and both change along the part.
+
+    Parameters
+    ----------
+    xp : NetworkNamespace
+        NumPy, torch or CasADi.
+    vehicle : TrackedVehicle
+        The vehicle.
+    mode : {"rigid", "soil"}
+        Terrain mode.
+    x : array (..., d), or CasADi column (d, 1)
+        Interface array.
+    side : {"left", "right"}
+        Which track; the right one is mirrored.
+    """
+    array = xp.array
+    columns = array.columns(x)
+    sign = 1.0 if side == "left" else -1.0
+    vx, ax, ay, terrain = columns[0], columns[3], columns[4], columns[7:]
+    vt = columns[5 if side == "left" else 6]
+    yaw_rate = sign * columns[2]
+    across = sign * columns[1] + yaw_rate * vehicle.contact_center
+    along = vx - yaw_rate * (vehicle.tread / 2) - vt
+    belt_speed = array.sqrt(vt * vt + vehicle.soft_speed**2)
+    direction = rolling_direction(array, vt, vehicle.soft_speed)
+    per_meter = 1.0 / (belt_speed * terrain[-1])
+
+    points = shear_points(vehicle)
+    spread = along * along + (yaw_rate * vehicle.track_width) ** 2 / 12 + _TINY_SQUARE
+    ends = [across + yaw_rate * float(end) for end in points.ends]
+    sizes = [array.sqrt(spread + end * end) for end in ends]
+    shear_along, shear_across = [], []
+    for j in range(POINTS):
+        size = (sizes[j] + sizes[j + 1]) / 2
+        travelled = (points.half_travel - direction * float(points.reach[j])) * per_meter
+        z = size * travelled
+        gain = travelled * shear_factor(array, z)
+        curving = (1.0 - z * shear_factor(array, z)) * direction * yaw_rate * per_meter * (points.length**2 / 12)
+        shear_along.append(-gain * along)
+        shear_across.append(curving - gain * (ends[j] + ends[j + 1]) / 2)
+    shear = array.join([*shear_along, *shear_across])
+
+    half = vehicle.contact_length / 2
+    turning = yaw_rate * half
+    size = array.sqrt(along * along + across * across + turning * turning + _TINY_SQUARE) - _TINY_SQUARE**0.5
+    z = size * points.half_travel * per_meter
+    factor = shear_factor(array, z)
+    gate = z * factor
+    scale = points.half_travel * per_meter * factor
+    features = array.join(
+        [*shear_along, *shear_across, along * scale, across * scale, turning * scale, z / (z + 4.0), direction]
+    )
+
+    load = side_loads(array, vehicle, ay)[0 if side == "left" else 1]
+    area = vehicle.element_length * vehicle.track_width
+    strengths = array.join(
+        [
+            shear_strength(array, vehicle, mode, terrain, load * share) * area
+            for share in element_shares(array, vehicle, ax)
+        ]
+    )
+    quadrature = xp.affine(shear, points.weights, np.zeros(points.weights.shape[1]))
+    return TrackState(features, gate, quadrature, strengths, -terrain[-2] * load * direction)
+
+
+def track_force(
+    xp: NetworkNamespace, vehicle: TrackedVehicle, state: TrackState, correction: Any, side: Side
+) -> list[Any]:
+    """Return [Fx, Fy, M] of one track, M about the CG; ``correction`` are the network's outputs (…, 3n)."""
+    array = xp.array
+    count = vehicle.road_wheels
+    unit = array.columns(state.quadrature + state.gate * correction)
+    strengths = array.columns(state.strengths)
+    arms = vehicle.element_centers
+    fx, fy, moment = state.rolling, 0.0, 0.0
+    for i, strength in enumerate(strengths):
+        fx = fx + strength * unit[i]
+        fy = fy + strength * unit[count + i]
+        lever = float(arms[i]) * unit[count + i] + vehicle.element_length / 2 * unit[2 * count + i]
+        moment = moment + strength * lever
+    moment = moment - vehicle.tread / 2 * fx
+    return [fx, fy, moment] if side == "left" else [fx, -fy, -moment]
+
+
+def track_forces(
+    xp: NetworkNamespace, vehicle: TrackedVehicle, mode: Mode, x: Any, side: Side, correction: Correction
+) -> list[Any]:
+    """Return [Fx, Fy, M] of one track for interface rows; see :func:`track_state`."""
+    state = track_state(xp, vehicle, mode, x, side)
+    return track_force(xp, vehicle, state, correction(state.features), side)
+
+
+@dataclass(frozen=True, eq=False)
+class ShearPoints:
+    """The parts of a track and how their shear spreads over the contact elements.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (5,)
+        Ends of the parts in m from the contact centre, rearmost first.
+    reach : ndarray, shape (4,)
+        Middle of each part, from where the shear is counted from.
+    half_travel : float
+        Distance travelled there, in m.
+    length : float
+        Δ in m.
+    weights : ndarray, shape (8, 3n)
+        From shear along and across at the points to the elements' mean shear along, across, and to the moment of the
+        shear across about the element's centre, over ℓ/2.
+    """
+
+    ends: FloatArray
+    reach: FloatArray
+    half_travel: float
+    length: float
+    weights: FloatArray
+
+
+@cache
+def _cached_points(
+    contact_length: float, element_length: float, spacing: float, count: int, per_wheel: bool
+) -> ShearPoints:
+    ends = np.linspace(-0.5, 0.5, POINTS + 1) * contact_length
+    middles = (ends[1:] + ends[:-1]) / 2
+    arms = (np.arange(count) - (count - 1) / 2) * spacing
+    # The cubic along the track with the points' shear as its means over the parts.
+    powers = np.arange(POINTS)
+    edge = ends[:, None] ** (powers + 1) / (powers + 1)
+    means = np.linalg.inv((edge[1:] - edge[:-1]) / np.diff(ends)[:, None])
+    nodes, node_weights = np.polynomial.legendre.leggauss(POINTS)
+    places = arms[:, None] + nodes * element_length / 2
+    values = (places[..., None] ** powers) @ means
+    mean = np.einsum("q,iqj->ij", node_weights / 2, values)
+    moment = np.einsum("q,iqj->ij", node_weights / 2 * nodes, values)
+    weights = np.zeros((2 * POINTS, 3 * count))
+    weights[:POINTS, :count] = mean.T
+    weights[POINTS:, count : 2 * count] = mean.T
+    weights[POINTS:, 2 * count :] = moment.T
+    if per_wheel:
+        # Where a part's middle lies under its own wheel, or between two.
+        nearest = arms[np.argmin(np.abs(middles[:, None] - arms), axis=1)]
+        reach = np.clip(middles - nearest, -element_length / 2, element_length / 2)
+    else:
+        reach = middles
+    half_travel = (element_length if per_wheel else contact_length) / 2
+    return ShearPoints(ends, reach, half_travel, contact_length / POINTS, weights)
+
+
+def shear_points(vehicle: TrackedVehicle) -> ShearPoints:
+    """Return the shear points of a vehicle's tracks."""
+    return _cached_points(
+        vehicle.contact_length,
+        vehicle.element_length,
+        vehicle.element_spacing,
+        vehicle.road_wheels,
+        vehicle.contact == "per_wheel",
+    )
