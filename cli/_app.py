@@ -19,13 +19,16 @@ from .demo import demo
 from .doctor import doctor
 from .drive import drive
 from .evaluate import evaluate
+from .ingest import ingest
 from .list import listing
 from .rl import rl
 from .train import train
 from .validate import validate
+from .verify import verify
 
 _INTERRUPTED: Final = 130
 _REFUSED: Final = 2
+_DISK_FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 #: What a verb keeps when it is interrupted; the others leave nothing behind.
 _KEPT: Final = {
     "data": "finished runs are kept; the same command goes on from there",
@@ -46,12 +49,18 @@ class _OneLineErrors(TyperGroup):
                 raise
             if ctx.params["debug"]:
                 err.print_exception()
-            err.print(Text(f"error: {_one_line(error)}", style="bold red"), soft_wrap=True)
+            line = _one_line(error)
+            if getattr(error, "errno", None) in _DISK_FULL:
+                line = f"the disk is full ({line}); make room: {_kept_by(ctx.invoked_subcommand)}"
+            err.print(Text(f"error: {line}", style="bold red"), soft_wrap=True)
             raise typer.Exit(_REFUSED) from error
         except KeyboardInterrupt:
-            kept = _KEPT.get(ctx.invoked_subcommand, "nothing was kept; call it again to start anew")
-            err.print(f"interrupted: {kept}", style="yellow", soft_wrap=True)
+            err.print(f"interrupted: {_kept_by(ctx.invoked_subcommand)}", style="yellow", soft_wrap=True)
             raise typer.Exit(_INTERRUPTED) from None
+
+
+def _kept_by(verb: str | None) -> str:
+    return _KEPT.get(verb or "", "nothing was kept; call it again to start anew")
 
 
 def _one_line(error: Exception) -> str:
@@ -93,8 +102,10 @@ def _grouser(
 _VERBS: Final[tuple[tuple[Callable[..., None], str], ...]] = (
     (demo, "grouser demo --output build/demo"),
     (data, "grouser data build/rigid --mode rigid --runs 300 --workers 2"),
+    (ingest, "grouser ingest build/drive-1.npz build/drive-2.npz build/drive-3.npz build/visited"),
     (train, "grouser train build/rigid build/m113-rigid.safetensors --hidden 64,64 --epochs 20"),
     (evaluate, "grouser evaluate build/m113-rigid.safetensors build/rigid"),
+    (verify, "grouser verify build/m113-rigid.safetensors --dataset build/rigid"),
     (compare, "grouser compare --terrain asphalt,ice --controller mpc --artifact build/m113-rigid.safetensors"),
     (drive, "grouser drive --terrain lete-sand --controller mpc --backend physics --render build/drive.gif"),
     (validate, "grouser validate --output build/validation"),

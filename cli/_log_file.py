@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..envs import STATE_NAMES, InterfaceLog
+from ..terrain import ArtifactError, interface
 
 
 def write_log(file: Path, log: InterfaceLog) -> None:
@@ -34,3 +37,28 @@ def write_log(file: Path, log: InterfaceLog) -> None:
         meta=np.array(json.dumps(log.meta, sort_keys=True)),
     )
     write_aside(file, buffer.getvalue())
+
+
+def read_log(file: Path) -> InterfaceLog:
+    """Read a log of :func:`write_log`.
+
+    Raises
+    ------
+    ArtifactError
+        If it is not one, or of other columns than this version's.
+    """
+    if file.exists() and not zipfile.is_zipfile(file):
+        raise ArtifactError(f"{file} is not a log of grouser drive --log: it is no .npz archive")
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
+        mode = interface(str(arrays.pop("mode"))).mode
+        names = tuple(arrays.pop("input_names").tolist()), tuple(arrays.pop("state_names").tolist())
+        if names != (interface(mode).names, STATE_NAMES):
+            raise ValueError(f"its columns are {', '.join(names[0])} and {', '.join(names[1])}")
+        meta = json.loads(str(arrays.pop("meta")))
+        return InterfaceLog(mode=mode, meta=meta, switches=int(arrays.pop("switches")), **arrays)
+    except FileNotFoundError:
+        raise
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        raise ArtifactError(f"{file} is not a log of grouser drive --log: {error}") from error

@@ -32,11 +32,14 @@ def data(
     ] = "physics",
     seed: Seed = 0,
     workers: Workers = 2,
+    engine: Annotated[
+        Literal["joblib", "ray"], typer.Option(help="Who runs the workers: this machine, or a Ray cluster.")
+    ] = "joblib",
 ) -> None:
     """Make a dataset: maneuvers on random ground, driven on a physics block and logged at it.
 
     Each run draws its ground and its maneuver from the seed and its own number, so that the same options give the
-    same bits whatever the number of workers; the content hash that is printed names them. Interrupted, the same
+    same bits whatever the engine and the number of workers; the content hash that is printed names them. Interrupted, the same
     command goes on with the runs that are missing.
     """
     from ..surrogate.offline import DataConfig, generate_dataset
@@ -56,7 +59,7 @@ def data(
     began = perf_counter()
     with StageBars() as tell:
         manifest = generate_dataset(
-            config, output, workers=workers, progress=lambda done, total: tell("runs", done, total)
+            config, output, workers=workers, engine=engine, progress=lambda done, total: tell("runs", done, total)
         )
     print_facts(
         {

@@ -80,12 +80,13 @@ def _artifacts(names: tuple[str, ...]) -> Table:
     from ..surrogate import Surrogate
 
     made = table(
-        "Shipped surrogates", ["name", "ranges", "content hash", "hidden", "R² of Qx Qy Mz", "kB"], text_columns=4
+        "Shipped surrogates",
+        ["name", "ranges", "content hash", "family", "hidden", "R² of Qx Qy Mz", "kB"],
+        text_columns=5,
     )
     for name in names:
-        vehicle, _, mode = name.rpartition("-")
         try:
-            surrogate = Surrogate.shipped(vehicle, mode)
+            surrogate = Surrogate.load(name)
         except GrouserError as error:
             made.add_row(name, f"[red]{escape(str(error))}[/red]")
             continue
@@ -95,6 +96,7 @@ def _artifacts(names: tuple[str, ...]) -> Table:
             name,
             surrogate.range_name,
             surrogate.content_hash[:12],
+            "structured" if surrogate.structured else "plain",
             "-".join(map(str, surrogate.network.widths[1:-1])),
             " ".join(number(test[output]["r2"], ".4f") for output in OUTPUT_NAMES) if test else "–",
             f"{size / 1000:.0f}",

@@ -77,7 +77,14 @@ def evaluate(
 
 def _chosen(surrogate: Surrogate, whole: Dataset, split: Split) -> tuple[Dataset, str]:
     """Return the runs to judge by, and in words which they are."""
-    if surrogate.dataset_hash != whole.manifest.content_hash:
+    from ..surrogate.offline.joining import HASH_SEPARATOR
+
+    content_hash = whole.manifest.content_hash
+    if surrogate.dataset_hash != content_hash and content_hash in surrogate.dataset_hash.split(HASH_SEPARATOR):
+        if split == "all":
+            return whole, "all of one of the datasets that it was trained on, training runs included"
+        raise ArtifactError("it was trained on this dataset joined with others; pass --split all")
+    if surrogate.dataset_hash != content_hash:
         return whole, "all of a dataset that it was not trained on"
     if split == "all":
         return whole, "all of the dataset that it was trained on, training runs included"

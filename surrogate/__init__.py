@@ -2,6 +2,7 @@
 
 from .artifact import FEATURE_MAPS, FORMAT_VERSION, Surrogate, shipped_names
 from .backends import NativeSurrogate, TorchSurrogate
+from .card import model_card
 from .conformal import conformal_threshold, run_scores
 from .detector import BoxMahalanobisDetector
 from .guarded import GuardedSurrogate
@@ -34,6 +35,7 @@ __all__ = [
     "TorchSurrogate",
     "casadi_network",
     "conformal_threshold",
+    "model_card",
     "random_network",
     "run_scores",
     "shipped_names",

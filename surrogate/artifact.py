@@ -10,12 +10,15 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from ..terrain import (
     OUTPUT_NAMES,
     ArtifactError,
     FloatArray,
     GrouserError,
     Interface,
+    InvalidInputError,
     Mode,
     ParameterRanges,
     TrackedVehicle,
@@ -27,7 +30,7 @@ from .container import content_hash, pack, unpack
 from .detector import BoxMahalanobisDetector
 from .network import NUMPY_NETWORK, DenseNetwork, NetworkNamespace, casadi_network
 from .normalizer import Normalizer
-from .track_model import FEATURES, SIDES, Side, track_forces
+from .track_model import FEATURES, SIDES, Side, shear_points, track_forces
 
 FORMAT_VERSION: Final = 1
 #: How the interface columns become network inputs: as they are, or as the slip of each track.
@@ -75,6 +78,8 @@ class Surrogate:
     ------
     ArtifactError
         If the parts do not fit together.
+    ConfigurationError
+        If it is structured, and the vehicle has wheels that its shear points cannot be shared among.
     """
 
     vehicle: TrackedVehicle
@@ -102,6 +107,10 @@ class Surrogate:
             )
         if not len(self.ranges.low) == len(self.ranges.high) == len(table.parameter_names):
             raise ArtifactError(f"{self.mode} ranges bound {', '.join(table.parameter_names)}, got {self.ranges}")
+        if self.structured and not self.vehicle.soft_speed > 0:
+            raise ArtifactError("a structured surrogate needs a vehicle with soft_speed above 0: its slip is over that")
+        if self.structured:
+            shear_points(self.vehicle)
         widths = self.network.widths
         inputs = FEATURES if self.structured else table.size
         outputs = 3 * self.vehicle.road_wheels if self.structured else len(OUTPUT_NAMES)
@@ -163,8 +172,21 @@ class Surrogate:
         InvalidInputError
             If the shape is wrong or a value is not finite.
         """
-        forces: FloatArray = self.evaluate(NUMPY_NETWORK, self.interface.check(x))
+        forces: FloatArray = self.evaluate(NUMPY_NETWORK, self.check(x))
         return forces
+
+    def check(self, x: FloatArray) -> FloatArray:
+        """Return interface rows as float64, once they are seen to be what the surrogate can take.
+
+        Raises
+        ------
+        InvalidInputError
+            If the shape is wrong, a value is not finite, or k is not positive where the slip is taken over it.
+        """
+        checked = self.interface.check(x)
+        if self.structured and not np.all(checked[..., -1] > 0):
+            raise InvalidInputError("k must be positive")
+        return checked
 
     def casadi(self) -> Any:
         """Return the CasADi function x (d) → q (3), float64.
@@ -217,11 +239,18 @@ class Surrogate:
     def load(cls, path: str | os.PathLike[str]) -> Surrogate:
         """Read an artifact, checking that it is whole and unaltered.
 
+        Parameters
+        ----------
+        path : str or path-like
+            File, or one of :func:`shipped_names`.
+
         Raises
         ------
         ArtifactError
             If there is no such file, or it is truncated, altered, of a newer format, incomplete or inconsistent.
         """
+        if str(path) in shipped_names():
+            return cls._shipped(str(path))
         try:
             data = Path(path).read_bytes()
         except OSError as error:
@@ -246,7 +275,7 @@ class Surrogate:
                 f"no artifact is shipped for {name} on {mode} ground (shipped: {', '.join(shipped_names()) or 'none'}); "
                 "make one with 'grouser train' and pass its path as artifact="
             )
-        surrogate = cls._from_bytes(_artifacts().joinpath(stem + SUFFIX).read_bytes(), f"shipped {stem}")
+        surrogate = cls._shipped(stem)
         return surrogate if isinstance(vehicle, str) else surrogate.require(vehicle, mode)
 
     @classmethod
@@ -265,6 +294,10 @@ class Surrogate:
         return (artifact if isinstance(artifact, Surrogate) else cls.load(artifact)).require(vehicle, mode)
 
     @classmethod
+    def _shipped(cls, name: str) -> Surrogate:
+        return cls._from_bytes(_artifacts().joinpath(name + SUFFIX).read_bytes(), f"shipped {name}")
+
+    @classmethod
     def _from_bytes(cls, data: bytes, source: str) -> Surrogate:
         tensors, metadata = unpack(data, source, FORMAT_VERSION)
         try:
@@ -276,7 +309,7 @@ class Surrogate:
 
 
 def shipped_names() -> tuple[str, ...]:
-    """Names ``{vehicle}-{mode}`` of the artifacts that grouser ships, sorted."""
+    """Names of the artifacts that grouser ships, sorted: ``{vehicle}-{mode}``, the backends' own, and others."""
     folder = _artifacts()
     if not folder.is_dir():
         return ()

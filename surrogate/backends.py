@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from functools import partial
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -21,7 +23,7 @@ from ..terrain import (
 )
 from .artifact import Surrogate
 from .network import ACTIVATIONS, require_torch, torch_module, torch_network
-from .track_model import SIDES, shear_points
+from .track_model import SIDES, Side, shear_points
 
 Artifact = str | os.PathLike[str] | Surrogate | None
 
@@ -111,7 +113,7 @@ def _track_kernel(surrogate: Surrogate) -> TrackNet:
         input_scale=surrogate.input_normalizer.scale,
         output_mean=surrogate.output_normalizer.mean,
         output_scale=surrogate.output_normalizer.scale,
-        ends=points.ends,
+        ends=np.concatenate([points.starts, points.stops]),
         reach=points.reach,
         half_travel=points.half_travel,
         part_length=points.length,
@@ -166,12 +168,29 @@ class TorchSurrogate(_SurrogateBackend):
     def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return forces and ∂Q/∂x over every column, by backpropagation."""
         rows = self._torch.from_numpy(self._writable(x))
+        return self._with_jacobian(rows, self._evaluate)
+
+    def track_forces_and_jacobian(self, x_left: FloatArray, x_right: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return track forces and the derivatives of each by its own input, by backpropagation."""
+        if not self.has_track_forces:
+            return super().track_forces_and_jacobian(x_left, x_right)
+        parts = []
+        for x, side in zip(self.check_tracks(x_left, x_right), SIDES, strict=True):
+            rows = self._torch.from_numpy(self._writable(x))
+            parts.append(self._with_jacobian(rows, partial(self._evaluate_track, side)))
+        forces, jacobian = (np.stack(part, axis=1) for part in zip(*parts, strict=True))
+        return forces, jacobian
+
+    def _with_jacobian(self, rows: Any, evaluate: Callable[[Any], Any]) -> tuple[FloatArray, FloatArray]:
         with self._torch.enable_grad():
             # One copy of each row an output: a single backward pass then gives all three rows of its Jacobian.
             copies = rows[..., None, :].repeat(*[1] * (rows.ndim - 1), 3, 1).requires_grad_(True)
-            outputs = self._evaluate(copies)
+            outputs = evaluate(copies)
             (jacobian,) = self._torch.autograd.grad(outputs, copies, self._directions.expand_as(outputs))
         return outputs.detach()[..., 0, :].numpy().copy(), jacobian.numpy()
+
+    def _evaluate_track(self, side: Side, rows: Any) -> Any:
+        return self._torch.cat(self.surrogate.evaluate_track(self._xp, rows, side, self._forward), -1)
 
     def track_forces(self, x_left: FloatArray, x_right: FloatArray) -> FloatArray:
         """Return [Fx, Fy, M] of each track, shape (n, 2, 3); see :meth:`ForceBackend.track_forces`."""
@@ -182,7 +201,7 @@ class TorchSurrogate(_SurrogateBackend):
         with self._torch.inference_mode():
             for x, side in zip((left, right), SIDES, strict=True):
                 rows = self._torch.from_numpy(self._writable(x))
-                tracks.append(self._torch.cat(self.surrogate.evaluate_track(self._xp, rows, side, self._forward), -1))
+                tracks.append(self._evaluate_track(side, rows))
         forces: FloatArray = self._torch.stack(tracks, dim=-2).numpy()
         return forces
 
@@ -197,5 +216,5 @@ class TorchSurrogate(_SurrogateBackend):
 
     def _writable(self, x: Any) -> FloatArray:
         # torch warns where it would share memory that is not writable.
-        checked = self.interface.check(x)
+        checked = self.surrogate.check(x)
         return checked if checked.flags.writeable else checked.copy()

@@ -6,8 +6,8 @@ track's slip alone. That is four numbers: slip velocity along and across, yaw ra
 the soft rolling direction. The right track is the mirror image of the left one, so that both share one network and
 the vehicle's mirror symmetry holds to the bit. All quantities here are those of a track mirrored to the left side.
 
-Four shear points along the track give g_i to a few parts in a thousand; the network adds the rest through a gate that
-closes with the slip, so that a vehicle at rest feels no force.
+Four shear points along the track give the force to a few percent of the available shear; the network adds the rest
+through a gate that closes with the slip, so that a vehicle at rest feels no force.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from ..terrain import FloatArray, Mode, TrackedVehicle
+from ..terrain import ConfigurationError, FloatArray, Mode, TrackedVehicle
 from ..terrain.block import element_shares, rolling_direction, shear_factor, shear_strength, side_loads
 from .network import NetworkNamespace
 
@@ -97,17 +97,16 @@ def track_state(xp: NetworkNamespace, vehicle: TrackedVehicle, mode: Mode, x: An
 
     points = shear_points(vehicle)
     spread = along * along + (yaw_rate * vehicle.track_width) ** 2 / 12 + _TINY_SQUARE
-    ends = [across + yaw_rate * float(end) for end in points.ends]
-    sizes = [array.sqrt(spread + end * end) for end in ends]
     shear_along, shear_across = [], []
     for j in range(POINTS):
-        size = (sizes[j] + sizes[j + 1]) / 2
+        start, stop = (across + yaw_rate * float(end[j]) for end in (points.starts, points.stops))
+        size = (array.sqrt(spread + start * start) + array.sqrt(spread + stop * stop)) / 2
         travelled = (points.half_travel - direction * float(points.reach[j])) * per_meter
         z = size * travelled
         gain = travelled * shear_factor(array, z)
         curving = (1.0 - z * shear_factor(array, z)) * direction * yaw_rate * per_meter * (points.length**2 / 12)
         shear_along.append(-gain * along)
-        shear_across.append(curving - gain * (ends[j] + ends[j + 1]) / 2)
+        shear_across.append(curving - gain * (start + stop) / 2)
     shear = array.join([*shear_along, *shear_across])
 
     half = vehicle.contact_length / 2
@@ -166,8 +165,8 @@ class ShearPoints:
 
     Parameters
     ----------
-    ends : ndarray, shape (5,)
-        Ends of the parts in m from the contact centre, rearmost first.
+    starts, stops : ndarray, shape (4,)
+        Rear and front end of each part in m from the contact centre, rearmost first.
     reach : ndarray, shape (4,)
         Middle of each part, from where the shear is counted from.
     half_travel : float
@@ -179,49 +178,81 @@ class ShearPoints:
         shear across about the element's centre, over ℓ/2.
     """
 
-    ends: FloatArray
+    starts: FloatArray
+    stops: FloatArray
     reach: FloatArray
     half_travel: float
     length: float
     weights: FloatArray
 
 
+def shear_points(vehicle: TrackedVehicle) -> ShearPoints:
+    """Return the shear points of a vehicle's tracks: spread over the track, or over the wheels of a per-wheel contact.
+
+    Raises
+    ------
+    ConfigurationError
+        If the shear starts afresh under more wheels than there are points, or a number that does not divide them.
+    """
+    count = vehicle.road_wheels
+    if vehicle.contact == "continuous":
+        return _continuous_points(vehicle.contact_length, vehicle.element_length, vehicle.element_spacing, count)
+    if POINTS % count:
+        raise ConfigurationError(
+            f"a structured surrogate has {POINTS} shear points a track: per-wheel contact needs 1, 2 or 4 road wheels, "
+            f"got {count}; train a plain one"
+        )
+    return _wheel_points(vehicle.element_length, vehicle.element_spacing, count)
+
+
 @cache
-def _cached_points(
-    contact_length: float, element_length: float, spacing: float, count: int, per_wheel: bool
-) -> ShearPoints:
-    ends = np.linspace(-0.5, 0.5, POINTS + 1) * contact_length
-    middles = (ends[1:] + ends[:-1]) / 2
-    arms = (np.arange(count) - (count - 1) / 2) * spacing
-    # The cubic along the track with the points' shear as its means over the parts.
-    powers = np.arange(POINTS)
-    edge = ends[:, None] ** (powers + 1) / (powers + 1)
-    means = np.linalg.inv((edge[1:] - edge[:-1]) / np.diff(ends)[:, None])
-    nodes, node_weights = np.polynomial.legendre.leggauss(POINTS)
+def _continuous_points(contact_length: float, element_length: float, spacing: float, count: int) -> ShearPoints:
+    ends = np.linspace(-0.5, 0.5, POINTS + 1, dtype=np.float64) * contact_length
+    arms = (np.arange(count, dtype=np.float64) - (count - 1) / 2) * spacing
+    mean, moment = _reconstruction(ends, arms, element_length)
+    return ShearPoints(
+        ends[:-1],
+        ends[1:],
+        (ends[1:] + ends[:-1]) / 2,
+        contact_length / 2,
+        contact_length / POINTS,
+        _weights(mean, moment),
+    )
+
+
+@cache
+def _wheel_points(element_length: float, spacing: float, count: int) -> ShearPoints:
+    share = POINTS // count
+    ends = np.linspace(-0.5, 0.5, share + 1, dtype=np.float64) * element_length
+    arms = (np.arange(count, dtype=np.float64) - (count - 1) / 2) * spacing
+    own_mean, own_moment = _reconstruction(ends, np.zeros(1, dtype=np.float64), element_length)
+    starts, stops = ((arms[:, None] + end).ravel() for end in (ends[:-1], ends[1:]))
+    mean, moment = (np.asarray(np.kron(np.eye(count), own), dtype=np.float64) for own in (own_mean, own_moment))
+    reach = np.tile((ends[1:] + ends[:-1]) / 2, count)
+    return ShearPoints(starts, stops, reach, element_length / 2, element_length / share, _weights(mean, moment))
+
+
+def _reconstruction(ends: FloatArray, arms: FloatArray, element_length: float) -> tuple[FloatArray, FloatArray]:
+    """Return elements' mean, and moment over ℓ/2, of the polynomial with given means over the parts between ``ends``.
+
+    Both of shape (elements, parts); the polynomial has as many coefficients as there are parts.
+    """
+    powers = np.arange(len(ends) - 1)
+    integral = ends[:, None] ** (powers + 1) / (powers + 1)
+    coefficients = np.linalg.inv((integral[1:] - integral[:-1]) / np.diff(ends)[:, None])
+    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     places = arms[:, None] + nodes * element_length / 2
-    values = (places[..., None] ** powers) @ means
-    mean = np.einsum("q,iqj->ij", node_weights / 2, values)
-    moment = np.einsum("q,iqj->ij", node_weights / 2 * nodes, values)
+    values = (places[..., None] ** powers) @ coefficients
+    mean: FloatArray = np.einsum("q,iqj->ij", weights / 2, values)
+    moment: FloatArray = np.einsum("q,iqj->ij", weights / 2 * nodes, values)
+    return mean, moment
+
+
+def _weights(mean: FloatArray, moment: FloatArray) -> FloatArray:
+    """Return the map from shear along and across at the points to the elements' along, across and moment."""
+    count = len(mean)
     weights = np.zeros((2 * POINTS, 3 * count))
     weights[:POINTS, :count] = mean.T
     weights[POINTS:, count : 2 * count] = mean.T
     weights[POINTS:, 2 * count :] = moment.T
-    if per_wheel:
-        # Where a part's middle lies under its own wheel, or between two.
-        nearest = arms[np.argmin(np.abs(middles[:, None] - arms), axis=1)]
-        reach = np.clip(middles - nearest, -element_length / 2, element_length / 2)
-    else:
-        reach = middles
-    half_travel = (element_length if per_wheel else contact_length) / 2
-    return ShearPoints(ends, reach, half_travel, contact_length / POINTS, weights)
-
-
-def shear_points(vehicle: TrackedVehicle) -> ShearPoints:
-    """Return the shear points of a vehicle's tracks."""
-    return _cached_points(
-        vehicle.contact_length,
-        vehicle.element_length,
-        vehicle.element_spacing,
-        vehicle.road_wheels,
-        vehicle.contact == "per_wheel",
-    )
+    return weights

@@ -21,6 +21,7 @@ from .errors import (
     InvalidInputError,
     OffMapError,
     SimulationDivergedError,
+    WorkerLostError,
     missing_extra,
     unknown_name,
 )
@@ -127,6 +128,7 @@ __all__ = [
     "Terrain",
     "TerrainField",
     "TrackedVehicle",
+    "WorkerLostError",
     "assemble",
     "backend_names",
     "block_forces",

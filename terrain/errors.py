@@ -26,6 +26,10 @@ class ConfigurationError(GrouserError, ValueError):
     """A name, key or combination of options does not exist, or an optional package is missing."""
 
 
+class WorkerLostError(GrouserError, RuntimeError):
+    """A worker process ended before its work was done."""
+
+
 class SimulationDivergedError(GrouserError, RuntimeError):
     """No tick, however small, was solved to tolerance.
 

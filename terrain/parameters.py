@@ -206,11 +206,16 @@ class ParameterRanges:
         Published cohesions crowd near 1-5 kPa in a range that reaches 70 kPa; the cube puts half of the draws of
         the wide range below an eighth of it.
         """
-        draw = generator.random(len(self.low))
-        if self.mode == "soil" and self.low[0] == 0:
-            draw[0] = draw[0] ** 3
-        theta = [float(lo + u * (hi - lo)) for lo, hi, u in zip(self.low, self.high, draw, strict=True)]
+        theta = self.at(generator.random(len(self.low))).tolist()
         return RigidTerrain(*theta) if self.mode == "rigid" else SoilTerrain(*theta)
+
+    def at(self, draw: FloatArray) -> FloatArray:
+        """Return θ, shape (..., p), at places of the unit cube, shape (..., p), by the law of :meth:`sample`."""
+        columns = list(draw.T)
+        if self.mode == "soil" and self.low[0] == 0:
+            columns[0] = columns[0] ** 3
+        bounds = zip(self.low, self.high, columns, strict=True)
+        return np.array([low + column * (high - low) for low, high, column in bounds]).T
 
 
 _DEGREE = math.pi / 180

@@ -36,7 +36,12 @@ void grouser_element_shares(const grouser_physics *block, double ax, double *sha
   }
 }
 
-grouser_strength grouser_shear_strength(const grouser_physics *block, const double *terrain, double load) {
+double grouser_friction_tangent(const grouser_physics *block, const double *terrain) {
+  return block->mode == GROUSER_SOIL ? tan(terrain[1]) : 0.0;
+}
+
+grouser_strength grouser_shear_strength(const grouser_physics *block, const double *terrain, double tangent,
+                                        double load) {
   const double area = block->element_length * block->track_width;
   const double pressure = load / area;
   grouser_strength s = {0, 0, {0, 0}};
@@ -47,7 +52,6 @@ grouser_strength grouser_shear_strength(const grouser_physics *block, const doub
   } else {
     const double full_contact = COHESION_FADE * block->mass * block->gravity / (2 * block->wheels);
     const double fade = load < full_contact ? load / full_contact : 1.0;
-    const double tangent = tan(terrain[1]);
     s.stress = terrain[0] * fade + pressure * tangent;
     s.by_load = (load < full_contact ? terrain[0] / full_contact : 0.0) + tangent / area;
     s.by_parameter[0] = fade;

@@ -15,7 +15,11 @@ typedef struct {
   double stress, by_load, by_parameter[2];
 } grouser_strength;
 
-grouser_strength grouser_shear_strength(const grouser_physics *block, const double *terrain, double load);
+/* tan(phi) of soil, 0 on firm ground: once for a track, since it is the dearest part. */
+double grouser_friction_tangent(const grouser_physics *block, const double *terrain);
+
+grouser_strength grouser_shear_strength(const grouser_physics *block, const double *terrain, double tangent,
+                                        double load);
 
 /* Centre of element i from the middle of the contact length. */
 static inline double grouser_element_arm(const grouser_physics *block, int i) {

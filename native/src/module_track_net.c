@@ -46,7 +46,7 @@ static PyObject *track_net_new(PyTypeObject *type, PyObject *arguments, PyObject
       grouser_copy_doubles(input_scale, "input_scale", GROUSER_FEATURES, net.input_scale) < 0 ||
       grouser_copy_doubles(output_mean, "output_mean", units, net.output_mean) < 0 ||
       grouser_copy_doubles(output_scale, "output_scale", units, net.output_scale) < 0 ||
-      grouser_copy_doubles(ends, "ends", GROUSER_POINTS + 1, net.ends) < 0 ||
+      grouser_copy_doubles(ends, "ends", 2 * GROUSER_POINTS, net.ends) < 0 ||
       grouser_copy_doubles(reach, "reach", GROUSER_POINTS, net.reach) < 0 ||
       grouser_copy_doubles(weights, "weights", GROUSER_SHEAR * units, net.weights) < 0)
     goto refused;

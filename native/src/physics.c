@@ -90,11 +90,12 @@ void grouser_physics_track(const grouser_physics *block, const double *x, enum g
     }
   }
 
+  const double tangent = grouser_friction_tangent(block, terrain);
   grouser_element_sums sums[GROUSER_MAX_WHEELS];
   integrate_track(block, x, belt, sign, jacobian != NULL, sums);
   for (int i = 0; i < block->wheels; i++) {
     const double load = track_load * share[i];
-    const grouser_strength s = grouser_shear_strength(block, terrain, load);
+    const grouser_strength s = grouser_shear_strength(block, terrain, tangent, load);
     const double scale = s.stress * cell_area;
     for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += scale * sums[i].force[n];
     if (!jacobian) continue;

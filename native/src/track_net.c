@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "cpu.h"
+#include "exponential.h"
 #include "load.h"
 
 /* What a track's features are differentiated by: columns of the mirrored track, then the shear modulus. */
@@ -74,8 +76,8 @@ static void slip_of(const grouser_track_net *net, const double *x, enum grouser_
 
   const double width_square = block->track_width * block->track_width / 12;
   const dual spread = add(multiply(along, along), scaled(width_square, multiply(yaw_rate, yaw_rate)));
-  dual end[GROUSER_POINTS + 1], size[GROUSER_POINTS + 1];
-  for (int e = 0; e <= GROUSER_POINTS; e++) {
+  dual end[2 * GROUSER_POINTS], size[2 * GROUSER_POINTS];
+  for (int e = 0; e < 2 * GROUSER_POINTS; e++) {
     end[e] = add(across, scaled(net->ends[e], yaw_rate));
     size[e] = root(add(spread, multiply(end[e], end[e])));
   }
@@ -84,13 +86,13 @@ static void slip_of(const grouser_track_net *net, const double *x, enum grouser_
     dual travelled = scaled(-net->reach[j], s);
     travelled.v += net->half_travel;
     travelled = multiply(travelled, t);
-    const dual z = multiply(scaled(0.5, add(size[j], size[j + 1])), travelled);
+    const dual z = multiply(scaled(0.5, add(size[j], size[GROUSER_POINTS + j])), travelled);
     const dual factor = shear_factor(z);
     const dual gain = scaled(-1.0, multiply(travelled, factor));
     const dual decay = chained(z, 1.0 - z.v * factor.v, -exp(-z.v));
     slip->shear[j] = multiply(gain, along);
     slip->shear[GROUSER_POINTS + j] =
-        add(multiply(decay, bend), multiply(gain, scaled(0.5, add(end[j], end[j + 1]))));
+        add(multiply(decay, bend), multiply(gain, scaled(0.5, add(end[j], end[GROUSER_POINTS + j]))));
   }
 
   const dual turning = scaled(block->contact_length / 2, yaw_rate);
@@ -108,6 +110,52 @@ static void slip_of(const grouser_track_net *net, const double *x, enum grouser_
   slip->direction = s;
 }
 
+/* The same without derivatives. */
+typedef struct {
+  double shear[GROUSER_SHEAR], feature[GROUSER_FEATURES], gate, direction;
+} track_values;
+
+GROUSER_CLONES
+static void values_of(const grouser_track_net *net, const double *x, enum grouser_side side, track_values *values) {
+  const grouser_physics *block = &net->block;
+  const double sign = side == GROUSER_LEFT ? 1.0 : -1.0;
+  const double belt = x[side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT];
+  const double yaw_rate = sign * x[GROUSER_YAW_RATE];
+  const double across = sign * x[GROUSER_VY] + block->contact_center * yaw_rate;
+  const double along = x[GROUSER_VX] - block->tread / 2 * yaw_rate - belt;
+  const double soft_belt = sqrt(belt * belt + block->soft_speed * block->soft_speed);
+  const double direction = belt / soft_belt;
+  const double per_meter = 1.0 / (soft_belt * x[grouser_columns(block->mode) - 1]);
+  const double spread =
+      along * along + block->track_width * block->track_width / 12 * (yaw_rate * yaw_rate) + 1e-300;
+  const double bend = net->part_length * net->part_length / 12 * (direction * yaw_rate * per_meter);
+  double end[2 * GROUSER_POINTS], size[2 * GROUSER_POINTS];
+  for (int e = 0; e < 2 * GROUSER_POINTS; e++) {
+    end[e] = across + net->ends[e] * yaw_rate;
+    size[e] = sqrt(spread + end[e] * end[e]);
+  }
+  for (int j = 0; j < GROUSER_POINTS; j++) {
+    const double travelled = (net->half_travel - net->reach[j] * direction) * per_meter;
+    const double z = 0.5 * (size[j] + size[GROUSER_POINTS + j]) * travelled;
+    const double rise = expm1_negative(z);
+    const double gain = z > 0 ? rise / (z > 0 ? z : 1.0) * travelled : -travelled;
+    values->shear[j] = gain * along;
+    values->shear[GROUSER_POINTS + j] = (1.0 + rise) * bend + gain * (0.5 * (end[j] + end[GROUSER_POINTS + j]));
+  }
+  const double turning = block->contact_length / 2 * yaw_rate;
+  const double reach = net->half_travel * per_meter;
+  const double z = (sqrt(along * along + across * across + turning * turning + 1e-300) - 1e-150) * reach;
+  const double gate = -expm1_negative(z), scale = z > 0 ? gate / z * reach : reach;
+  memcpy(values->feature, values->shear, sizeof values->shear);
+  values->feature[GROUSER_SHEAR] = along * scale;
+  values->feature[GROUSER_SHEAR + 1] = across * scale;
+  values->feature[GROUSER_SHEAR + 2] = turning * scale;
+  values->feature[GROUSER_SHEAR + 3] = z / (z + 4);
+  values->feature[GROUSER_SHEAR + 4] = direction;
+  values->gate = gate;
+  values->direction = direction;
+}
+
 /* One force component as a sum over the units: its coefficient of unit `u` at unit strength. */
 static double lever(const grouser_physics *block, int component, int unit) {
   const int element = unit % block->wheels, kind = unit / block->wheels;
@@ -121,43 +169,49 @@ void grouser_track_net_track(const grouser_track_net *net, const double *x, enum
   const grouser_physics *block = &net->block;
   const int columns = grouser_columns(block->mode), wheels = block->wheels, units = 3 * wheels;
   const double area = block->element_length * block->track_width, rolling = x[columns - 2];
-  track_slip slip;
-  slip_of(net, x, side, &slip);
+  track_values values;
+  values_of(net, x, side, &values);
 
   float input[GROUSER_FEATURES], output[GROUSER_MAX_WIDTH];
   grouser_slopes slopes;
   for (int f = 0; f < GROUSER_FEATURES; f++)
-    input[f] = (float)((slip.feature[f].v - net->input_mean[f]) / net->input_scale[f]);
+    input[f] = (float)((values.feature[f] - net->input_mean[f]) / net->input_scale[f]);
   grouser_dense_forward(&net->dense, input, output, slopes);
 
   double correction[GROUSER_MAX_UNITS], unit[GROUSER_MAX_UNITS];
   for (int u = 0; u < units; u++) {
     correction[u] = net->output_mean[u] + net->output_scale[u] * (double)output[u];
-    unit[u] = slip.gate.v * correction[u];
-    for (int k = 0; k < GROUSER_SHEAR; k++) unit[u] += slip.shear[k].v * net->weights[k * units + u];
+    unit[u] = values.gate * correction[u];
   }
+  for (int k = 0; k < GROUSER_SHEAR; k++)
+    for (int u = 0; u < units; u++) unit[u] += values.shear[k] * net->weights[k * units + u];
 
   double share[GROUSER_MAX_WHEELS], share_by_ax[GROUSER_MAX_WHEELS], load_by_ay;
   grouser_strength strength[GROUSER_MAX_WHEELS];
   const double load = grouser_side_load(block, x[GROUSER_AY], side, &load_by_ay);
+  const double tangent = grouser_friction_tangent(block, x + GROUSER_TERRAIN);
   grouser_element_shares(block, x[GROUSER_AX], share, share_by_ax);
-  for (int i = 0; i < wheels; i++) {
-    strength[i] = grouser_shear_strength(block, x + GROUSER_TERRAIN, load * share[i]);
-    strength[i].stress *= area;
-  }
 
-  const double half_tread = block->tread / 2, resistance = -rolling * load * slip.direction.v;
-  force[0] = resistance;
-  force[1] = 0;
-  force[2] = -half_tread * resistance;
-  for (int n = 0; n < GROUSER_OUTPUTS; n++)
-    for (int u = 0; u < units; u++) force[n] += strength[u % wheels].stress * lever(block, n, u) * unit[u];
+  const double half_tread = block->tread / 2;
+  double fx = -rolling * load * values.direction, fy = 0, moment = 0;
+  for (int i = 0; i < wheels; i++) {
+    strength[i] = grouser_shear_strength(block, x + GROUSER_TERRAIN, tangent, load * share[i]);
+    strength[i].stress *= area;
+    const double arm = block->contact_center + grouser_element_arm(block, i);
+    const double across = unit[wheels + i];
+    fx += strength[i].stress * unit[i];
+    fy += strength[i].stress * across;
+    moment += strength[i].stress * (arm * across + block->element_length / 2 * unit[2 * wheels + i]);
+  }
   /* Rows and columns that change their sign between a track and its mirror image. */
   const double sign = side == GROUSER_LEFT ? 1.0 : -1.0;
-  force[1] *= sign;
-  force[2] *= sign;
+  force[0] = fx;
+  force[1] = sign * fy;
+  force[2] = sign * (moment - half_tread * fx);
   if (!jacobian) return;
 
+  track_slip slip;
+  slip_of(net, x, side, &slip);
   float rows[GROUSER_SEEDS * GROUSER_MAX_WIDTH] = {0};
   double by_shear[GROUSER_OUTPUTS][GROUSER_SHEAR] = {{0}}, by_gate[GROUSER_OUTPUTS] = {0};
   for (int n = 0; n < GROUSER_OUTPUTS; n++)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,7 +26,7 @@ from ...terrain import (
     missing_extra,
     write_json,
 )
-from .manifest import FORMAT_VERSION, Manifest, RunRecord, parse_manifest
+from .manifest import FORMAT_VERSION, Manifest, RunRecord, parse_manifest, parse_record
 
 MANIFEST_NAME: Final = "dataset.json"
 SAMPLES_NAME: Final = "samples.parquet"
@@ -93,28 +94,41 @@ def hash_dataset(manifest: Manifest, runs: Iterable[Run]) -> str:
     return digest.hexdigest()
 
 
-def write_run(path: Path, run: Run) -> None:
-    """Write one run as a Parquet file of one row group, aside and renamed."""
+def write_run(path: Path, run: Run, recipe: str = "") -> None:
+    """Write one run as a Parquet file of one row group, aside and renamed; ``recipe`` is its dataset's recipe hash."""
     parquet = _parquet()
     aside = path.with_name(path.name + ".part")
-    parquet.write_table(_run_table(run), aside, row_group_size=max(1, len(run.inputs)))
-    os.replace(aside, path)
+    table = _run_table(run)
+    try:
+        parquet.write_table(
+            table.replace_schema_metadata({**table.schema.metadata, "recipe": recipe}),
+            aside,
+            row_group_size=max(1, len(run.inputs)),
+        )
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
 
 
-def read_run(path: Path, mode: Mode) -> Run:
+def read_run(path: Path, mode: Mode, recipe: str = "") -> Run:
     """Read a file of :func:`write_run`.
 
     Raises
     ------
     ArtifactError
-        If it is not such a file.
+        If it is not such a file, or both it and the caller name a recipe and they differ.
     """
     table = _read(lambda: _parquet().read_table(path), path)
     metadata = table.schema.metadata or {}
     if b"run" not in metadata:
         raise ArtifactError(f"{path} is not a run of a dataset: it has no run record")
-    record = RunRecord(**json.loads(metadata[b"run"]))
-    return _run_from_table(table, record, mode)
+    stated = metadata.get(b"recipe", b"").decode(errors="replace")
+    if stated and recipe and stated != recipe:
+        raise ArtifactError(
+            f"{path} is a run of another dataset: its vehicle, mode, ranges or another part of its recipe differ; "
+            "remove it and call the same command again"
+        )
+    return _run_from_table(table, _record(partial(json.loads, metadata[b"run"]), str(path)), mode)
 
 
 def write_dataset(folder: Path, manifest: Manifest, runs: Sequence[Path]) -> Manifest:
@@ -124,6 +138,11 @@ def write_dataset(folder: Path, manifest: Manifest, runs: Sequence[Path]) -> Man
     -------
     Manifest
         With the content hash.
+
+    Raises
+    ------
+    ArtifactError
+        If a file is damaged, or holds another run or a run of another dataset.
     """
     import pyarrow
 
@@ -134,23 +153,35 @@ def write_dataset(folder: Path, manifest: Manifest, runs: Sequence[Path]) -> Man
         aside = folder / (SAMPLES_NAME + ".part")
         writer = None
         try:
-            for path in runs:
-                run = read_run(path, manifest.mode)
+            for index, path in enumerate(runs):
+                run = read_run(path, manifest.mode, manifest.recipe_hash)
+                if run.record.run != index:
+                    raise ArtifactError(
+                        f"{path} holds run {run.record.run}, not run {index}; remove it and call the same command again"
+                    )
                 table = _run_table(run).replace_schema_metadata(None)
                 writer = writer or parquet.ParquetWriter(aside, table.schema)
                 writer.write_table(table, row_group_size=max(1, table.num_rows))
                 digest_runs.append(run.record)
                 yield run
-        finally:
             if writer is not None:
                 writer.close()
-        os.replace(aside, folder / SAMPLES_NAME)
+            os.replace(aside, folder / SAMPLES_NAME)
+        finally:
+            # Closing twice does nothing; a second failure would hide the first.
+            with suppress(OSError):
+                if writer is not None:
+                    writer.close()
+            aside.unlink(missing_ok=True)
 
     content_hash = hash_dataset(manifest, written())
     rows = [_flat(record) for record in digest_runs]
     aside = folder / (RUNS_NAME + ".part")
-    parquet.write_table(pyarrow.Table.from_pylist(rows), aside)
-    os.replace(aside, folder / RUNS_NAME)
+    try:
+        parquet.write_table(pyarrow.Table.from_pylist(rows), aside)
+        os.replace(aside, folder / RUNS_NAME)
+    finally:
+        aside.unlink(missing_ok=True)
     complete = Manifest(**{**asdict(manifest), "content_hash": content_hash})
     write_json(folder / MANIFEST_NAME, asdict(complete))
     return complete
@@ -180,6 +211,65 @@ def read_manifest(folder: Path) -> Manifest:
         raise ArtifactError(f"{path} is not a dataset manifest: {error}") from error
 
 
+def read_dataset(folder: Path) -> tuple[Dataset, str]:
+    """Read a dataset as it is, without asking whether it is what the manifest promises.
+
+    Returns
+    -------
+    dataset : Dataset
+        What the files hold.
+    content_hash : str
+        Of what they hold; the manifest's own where nothing was altered.
+
+    Raises
+    ------
+    ArtifactError
+        If files are missing, unreadable, or do not fit together.
+    """
+    manifest = read_manifest(folder)
+    parquet = _parquet()
+    rows = _read(lambda: parquet.read_table(folder / RUNS_NAME).to_pylist(), folder / RUNS_NAME)
+    records = [_record(partial(_nested, row), RUNS_NAME) for row in rows]
+    source = _read(lambda: parquet.ParquetFile(folder / SAMPLES_NAME), folder / SAMPLES_NAME)
+    if not records or source.num_row_groups != len(records):
+        raise ArtifactError(
+            f"{folder}: {manifest.runs} runs in the manifest, {len(records)} in {RUNS_NAME}, "
+            f"{source.num_row_groups} row groups in {SAMPLES_NAME}"
+        )
+    groups = _read(lambda: [source.read_row_group(i) for i in range(source.num_row_groups)], folder / SAMPLES_NAME)
+    runs = [_run_from_table(group, record, manifest.mode) for group, record in zip(groups, records, strict=True)]
+    dataset = Dataset(
+        manifest,
+        tuple(records),
+        np.concatenate([run.inputs for run in runs]),
+        np.concatenate([run.forces for run in runs]),
+        np.concatenate([np.full(len(run.inputs), run.record.run) for run in runs]),
+    )
+    return dataset, hash_dataset(manifest, runs)
+
+
+def sample_columns(folder: Path) -> tuple[dict[str, str], list[set[int]]]:
+    """Return the type of each column of the samples, and the values of the run column by row group.
+
+    Raises
+    ------
+    ArtifactError
+        If the file cannot be read.
+    """
+    path = folder / SAMPLES_NAME
+
+    def read() -> tuple[dict[str, str], list[set[int]]]:
+        source = _parquet().ParquetFile(path)
+        columns = {field.name: str(field.type) for field in source.schema_arrow}
+        if "run" not in columns:
+            return columns, [set() for _ in range(source.num_row_groups)]
+        groups = [source.read_row_group(i, columns=["run"]) for i in range(source.num_row_groups)]
+        return columns, [set(group.column("run").unique().to_pylist()) for group in groups]
+
+    result: tuple[dict[str, str], list[set[int]]] = _read(read, path)
+    return result
+
+
 def load_dataset(folder: Path) -> Dataset:
     """Load a dataset and check its content hash.
 
@@ -188,28 +278,16 @@ def load_dataset(folder: Path) -> Dataset:
     ArtifactError
         If files are missing, unreadable, or do not match the manifest.
     """
-    manifest = read_manifest(folder)
-    parquet = _parquet()
-    table = _read(lambda: parquet.read_table(folder / RUNS_NAME), folder / RUNS_NAME)
-    records = [_record(row) for row in table.to_pylist()]
-    source = _read(lambda: parquet.ParquetFile(folder / SAMPLES_NAME), folder / SAMPLES_NAME)
-    if source.num_row_groups != len(records) or len(records) != manifest.runs:
-        raise ArtifactError(
-            f"{folder}: {manifest.runs} runs in the manifest, {len(records)} in {RUNS_NAME}, "
-            f"{source.num_row_groups} row groups in {SAMPLES_NAME}"
-        )
-    groups = _read(lambda: [source.read_row_group(i) for i in range(source.num_row_groups)], folder / SAMPLES_NAME)
-    runs = [_run_from_table(group, record, manifest.mode) for group, record in zip(groups, records, strict=True)]
-    found = hash_dataset(manifest, runs)
+    dataset, found = read_dataset(folder)
+    manifest = dataset.manifest
+    if len(dataset.records) != manifest.runs:
+        raise ArtifactError(f"{folder}: {manifest.runs} runs in the manifest, {len(dataset.records)} in {RUNS_NAME}")
     if found != manifest.content_hash:
-        raise ArtifactError(f"{folder}: content hash {found[:12]} does not match {manifest.content_hash[:12]}")
-    return Dataset(
-        manifest,
-        tuple(records),
-        np.concatenate([run.inputs for run in runs]),
-        np.concatenate([run.forces for run in runs]),
-        np.concatenate([np.full(len(run.inputs), run.record.run) for run in runs]),
-    )
+        raise ArtifactError(
+            f"{folder}: content hash {found[:12]} does not match {manifest.content_hash[:12]}: "
+            "it was altered ('grouser verify' says where)"
+        )
+    return dataset
 
 
 def _run_table(run: Run) -> Any:
@@ -232,7 +310,10 @@ def _run_from_table(table: Any, record: RunRecord, mode: Mode) -> Run:
     def block(columns: Sequence[str]) -> FloatArray:
         return np.stack([np.asarray(table.column(name), dtype=np.float64) for name in columns], axis=1)
 
-    return Run(record, block(names), block(OUTPUT_NAMES))
+    try:
+        return Run(record, block(names), block(OUTPUT_NAMES))
+    except (TypeError, ValueError) as error:
+        raise ArtifactError(f"run {record.run} holds samples that are not numbers: {error}") from error
 
 
 def _flat(record: RunRecord) -> dict[str, Any]:
@@ -240,17 +321,24 @@ def _flat(record: RunRecord) -> dict[str, Any]:
     return row | {key: json.dumps(row[key], sort_keys=True) for key in ("terrain", "excitation")}
 
 
-def _record(row: dict[str, Any]) -> RunRecord:
+def _nested(row: dict[str, Any]) -> dict[str, Any]:
+    return row | {key: json.loads(row[key]) for key in ("terrain", "excitation")}
+
+
+def _record(read: Callable[[], dict[str, Any]], source: str) -> RunRecord:
     try:
-        return RunRecord(**row | {key: json.loads(row[key]) for key in ("terrain", "excitation")})
+        return parse_record(read())
     except (KeyError, TypeError, ValueError) as error:
-        raise ArtifactError(f"{RUNS_NAME} has a row that is not a run record: {error}") from error
+        raise ArtifactError(f"{source} has a row that is not a run record: {error}") from error
 
 
-def _read(read: Any, path: Path) -> Any:
+def _read(read: Callable[[], Any], path: Path) -> Any:
+    _parquet()
+    import pyarrow
+
     try:
         return read()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, pyarrow.ArrowException) as error:
         raise ArtifactError(f"{path} is missing or not a whole Parquet file: {error}") from error
 
 

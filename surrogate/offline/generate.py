@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -19,15 +19,17 @@ from ...terrain import (
     ConfigurationError,
     ForceBackend,
     InvalidInputError,
+    Terrain,
+    TrackedVehicle,
     make_backend,
-    missing_extra,
     parameter_ranges,
     resolve_vehicle,
     unknown_name,
     write_json,
 )
 from .dataset import MANIFEST_NAME, Run, load_dataset, read_manifest, write_dataset, write_run
-from .maneuvers import MANEUVERS, draw_maneuver
+from .engines import Engine, in_parallel, require_engine
+from .maneuvers import MANEUVERS, Maneuver, draw_maneuver
 from .manifest import Manifest, RunRecord, parse_manifest
 
 PARTS_NAME: Final = "parts"
@@ -94,15 +96,20 @@ class DataConfig:
             raise InvalidInputError("transient must lie in [0, 1e6] s, tick in (0, 1] s, and seed not be negative")
 
 
+def draw_run(recipe: DataConfig | Manifest, vehicle: TrackedVehicle, run: int) -> tuple[Terrain, Maneuver]:
+    """Draw terrain and maneuver of one run: a function of the recipe and the run's index alone."""
+    generator = np.random.default_rng((recipe.seed, run))
+    terrain = parameter_ranges(recipe.ranges, recipe.mode).sample(generator)
+    duration = (round(recipe.transient / recipe.tick) + recipe.samples_per_run) * recipe.tick
+    return terrain, draw_maneuver(MANEUVERS[run % len(MANEUVERS)], vehicle, generator, duration)
+
+
 def simulate_run(config: DataConfig, backend: ForceBackend, run: int) -> Run:
     """Simulate one run of a dataset: a function of the configuration and the run's index alone."""
-    generator = np.random.default_rng((config.seed, run))
-    vehicle = backend.vehicle
-    terrain = parameter_ranges(config.ranges, config.mode).sample(generator)
+    terrain, maneuver = draw_run(config, backend.vehicle, run)
     skipped = round(config.transient / config.tick)
     duration = (skipped + config.samples_per_run) * config.tick
-    maneuver = draw_maneuver(MANEUVERS[run % len(MANEUVERS)], vehicle, generator, duration)
-    simulator = Simulator(vehicle, backend, terrain, tick=config.tick, integrator=config.integrator)
+    simulator = Simulator(backend.vehicle, backend, terrain, tick=config.tick, integrator=config.integrator)
     log = rollout(simulator, maneuver, duration, control_period=config.tick)
     names = backend.interface.parameter_names
     record = RunRecord(
@@ -117,11 +124,16 @@ def simulate_run(config: DataConfig, backend: ForceBackend, run: int) -> Run:
 
 
 def generate_dataset(
-    config: DataConfig, folder: Path, *, workers: int = 1, progress: Progress | None = None
+    config: DataConfig,
+    folder: Path,
+    *,
+    workers: int = 1,
+    engine: Engine = "joblib",
+    progress: Progress | None = None,
 ) -> Manifest:
     """Generate a dataset, or go on with one that was interrupted.
 
-    The bits do not depend on the number of workers. Each finished run is kept as a file of its own until all are
+    The bits do not depend on the engine or the number of workers. Each finished run is kept as a file of its own until all are
     there; the manifest is written last.
 
     Parameters
@@ -132,18 +144,25 @@ def generate_dataset(
         Where to.
     workers : int
         Processes.
+    engine : {"joblib", "ray"}
+        Who runs them; see :func:`~grouser.surrogate.offline.engines.in_parallel`.
     progress : callable, optional
         Called with the number of finished runs and of all runs.
 
     Raises
     ------
     ConfigurationError
-        If the folder holds another dataset, finished or not.
+        If the folder holds another dataset, finished or not, or the engine is unknown or not installed.
     SimulationDivergedError
         If a run diverges; the others are kept.
+    WorkerLostError
+        If a worker process was killed; finished runs are kept.
+    ArtifactError
+        If a finished run's file is damaged or of another dataset.
     """
     if workers < 1:
         raise InvalidInputError(f"workers must be at least 1, got {workers}")
+    require_engine(engine)
     backend = make_backend(config.teacher, mode=config.mode, vehicle=config.vehicle)
     manifest = _plan(config, backend)
     parts = folder / PARTS_NAME
@@ -160,7 +179,9 @@ def generate_dataset(
     done = config.runs - len(missing)
     if progress:
         progress(done, config.runs)
-    for _ in _in_parallel(config, backend, [(run, paths[run]) for run in missing], workers):
+    recipe = manifest.recipe_hash
+    jobs = [(config, backend, recipe, run, paths[run].resolve()) for run in missing]
+    for _ in in_parallel(_one, jobs, workers, engine):
         done += 1
         if progress:
             progress(done, config.runs)
@@ -201,17 +222,6 @@ def _claim(parts: Path, manifest: Manifest) -> None:
     write_json(plan, asdict(manifest))
 
 
-def _one(config: DataConfig, backend: ForceBackend, run: int, path: Path) -> int:
-    write_run(path, simulate_run(config, backend, run))
+def _one(config: DataConfig, backend: ForceBackend, recipe: str, run: int, path: Path) -> int:
+    write_run(path, simulate_run(config, backend, run), recipe)
     return run
-
-
-def _in_parallel(config: DataConfig, backend: ForceBackend, jobs: list[tuple[int, Path]], workers: int) -> Any:
-    if workers == 1 or len(jobs) < 2:
-        return (_one(config, backend, run, path) for run, path in jobs)
-    try:
-        from joblib import Parallel, delayed
-    except ImportError as error:
-        raise missing_extra("joblib", "torch") from error
-    parallel = Parallel(n_jobs=workers, return_as="generator_unordered")
-    return parallel(delayed(_one)(config, backend, run, path) for run, path in jobs)

@@ -1,4 +1,4 @@
-"""What a network is trained on: logged rows, rows beside them, their images, and whitened coordinates."""
+"""What a network is trained on: logged rows, rows beside them and far from them, images, whitened coordinates."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from ...terrain import FloatArray, mirror_forces, reverse_forces
+from ...terrain import FloatArray, mirror_forces, parameter_ranges, reverse_forces
 from .dataset import Dataset
-from .perturbation import perturbed_rows
+from .perturbation import perturbed_rows, teacher_of
+from .space_filling import space_filling_rows
 from .training_config import TrainingConfig
 
 # Below this share of a column's variance a direction is rounding, not data.
@@ -18,8 +19,12 @@ _FLAT_VARIANCE: Final = 1e-8
 def training_rows(train: Dataset, config: TrainingConfig) -> tuple[FloatArray, FloatArray]:
     """Return training runs' rows and forces, joined by what the recipe adds to them."""
     generator = np.random.default_rng((config.seed, len(train.inputs)))
-    beside, beside_forces = perturbed_rows(train, config.perturbed_copies, generator)
-    inputs, forces = np.concatenate([train.inputs, beside]), np.concatenate([train.forces, beside_forces])
+    parts = [(train.inputs, train.forces), perturbed_rows(train, config.perturbed_copies, generator)]
+    if config.space_filling_rows:
+        mode, vehicle, count = train.manifest.mode, train.vehicle, config.space_filling_rows
+        ranges = parameter_ranges(train.manifest.ranges, mode)
+        parts.append(space_filling_rows(vehicle, mode, ranges, count, teacher_of(train), config.seed))
+    inputs, forces = (np.concatenate(part) for part in zip(*parts, strict=True))
     mirror = config.family == "plain"
     return with_symmetries(train, inputs, forces, mirror=mirror) if config.symmetries else (inputs, forces)
 

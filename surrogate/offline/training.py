@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,7 +23,7 @@ from ..normalizer import Normalizer
 from ..threads import torch_threads
 from .checkpoint import TrainingState, load_checkpoint, save_checkpoint
 from .dataset import Dataset
-from .metrics import force_metrics, metrics_to_dict
+from .judgement import judge
 from .objective import Objective, make_objective
 from .preparation import training_rows
 from .split import RunSplit, split_runs
@@ -147,8 +147,7 @@ def train_surrogate(
         metrics={},
         feature_map=objective.feature_map,
     )
-    metrics = force_metrics(draft.reference_forces(test.inputs), test.forces)
-    surrogate = replace(draft, metrics={"test": metrics_to_dict(metrics)})
+    surrogate = draft.with_metrics(judge(draft.reference_forces(test.inputs), test))
     surrogate.save(output)
     output.with_suffix(".checkpoint").unlink(missing_ok=True)
     return TrainingResult(surrogate, split, tuple(history))

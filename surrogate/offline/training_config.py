@@ -35,12 +35,13 @@ class TrainingConfig:
     output_weights : tuple of float
         Huber weights of Qx, Qy, Mz.
     huber_delta : float
-        In standard deviations.
+        In standard deviations; for the structured family in 2 % of the available shear.
     learning_rate : float
         Of Adam, at the start.
     schedule : {"plateau", "cosine"}
         Whether the learning rate falls where the validation loss is flat, or rises over the first tenth of all steps
-        and falls by a cosine to nothing.
+        and falls by a cosine to nothing; a cosine has no use for the decay and the plateau, and a patience below the
+        number of epochs cuts it short.
     learning_rate_decay : float
         What the learning rate is multiplied by after every epoch, in (0, 1]; short trainings need it.
     batch_size : int
@@ -56,6 +57,8 @@ class TrainingConfig:
     perturbed_copies : int
         Copies of each training row with perturbed velocities, for which the teacher is asked again; see
         :mod:`grouser.surrogate.offline.perturbation`.
+    space_filling_rows : int
+        Rows that fill slip space, for which the teacher is asked; see :mod:`grouser.surrogate.offline.space_filling`.
     symmetries : bool
         Whether training rows are joined by their mirror images and, where the CG is centred, their fore-aft
         reversals: the block has both symmetries exactly. A structured surrogate has the mirror image by itself.
@@ -88,6 +91,7 @@ class TrainingConfig:
     plateau_patience: int = 4
     plateau_factor: float = 0.5
     perturbed_copies: int = 2
+    space_filling_rows: int = 0
     symmetries: bool = True
     whiten: bool = True
     seed: int = 0
@@ -97,7 +101,8 @@ class TrainingConfig:
         for name in positive:
             if not 0 < getattr(self, name) < math.inf:
                 raise InvalidInputError(f"{name} must be positive and finite, got {getattr(self, name)}")
-        whole = ("batch_size", "epochs", "patience", "plateau_patience", "perturbed_copies", "seed")
+        added = ("perturbed_copies", "space_filling_rows")
+        whole = ("batch_size", "epochs", "patience", "plateau_patience", *added, "seed")
         for name, value in [*((name, getattr(self, name)) for name in whole), *(("hidden", w) for w in self.hidden)]:
             if isinstance(value, bool) or not isinstance(value, int):
                 raise InvalidInputError(f"{name} must be a whole number, got {value!r}")
@@ -105,8 +110,9 @@ class TrainingConfig:
             raise InvalidInputError(f"hidden needs at least one positive width, got {self.hidden}")
         if not 0 < self.learning_rate_decay <= 1:
             raise InvalidInputError(f"learning_rate_decay must lie in (0, 1], got {self.learning_rate_decay}")
-        if self.perturbed_copies < 0:
-            raise InvalidInputError(f"perturbed_copies must not be negative, got {self.perturbed_copies}")
+        for name in added:
+            if getattr(self, name) < 0:
+                raise InvalidInputError(f"{name} must not be negative, got {getattr(self, name)}")
         for name, known in (("family", FAMILIES), ("schedule", SCHEDULES)):
             if getattr(self, name) not in known:
                 raise InvalidInputError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")

@@ -37,7 +37,7 @@ def test_doctor_names_what_is_there(call: Any) -> None:
     assert "ipopt" in out
     for name in shipped_names():
         assert name in out
-        assert Surrogate.shipped(*name.rsplit("-", 1)).content_hash[:12] in out
+        assert Surrogate.load(name).content_hash[:12] in out
 
 
 def test_doctor_says_how_to_get_what_is_missing(call: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -55,11 +55,11 @@ def test_doctor_says_how_to_get_what_is_missing(call: Any, monkeypatch: pytest.M
 
 
 def test_doctor_survives_a_damaged_artifact(call: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def damaged(vehicle: str, mode: str) -> Surrogate:
-        raise ArtifactError(f"{vehicle}, {mode}: altered")
+    def damaged(path: str) -> Surrogate:
+        raise ArtifactError(f"{path}: altered")
 
     monkeypatch.setattr("grouser.surrogate.shipped_names", lambda: ("m113-rigid",))
-    monkeypatch.setattr(Surrogate, "shipped", damaged)
+    monkeypatch.setattr(Surrogate, "load", damaged)
     assert "altered" in call("doctor").out
 
 

@@ -86,7 +86,27 @@ def network(widths: tuple[int, ...] = WIDTHS, activation: int = 2, **changes: An
     return _core.Mlp(**{**arguments, **changes})
 
 
-HANDLES = {"physics": BLOCK, "mlp": network()}
+# The structured network, of five wheels
+
+TRACK_NET: dict[str, Any] = {
+    **{name: value for name, value in M113.items() if name not in ("path", "along", "across")},
+    "activation": 1,
+    "widths": (13, 8, 15),
+    "parameters": b"".join(w.tobytes() + b.tobytes() for w, b in parameters_of((13, 8, 15), np.random.default_rng(2))),
+    "input_mean": np.linspace(-0.1, 0.1, 13),
+    "input_scale": np.linspace(0.5, 2, 13),
+    "output_mean": np.linspace(-0.05, 0.05, 15),
+    "output_scale": np.full(15, 0.1),
+    "ends": np.concatenate([np.linspace(-0.5, 0.25, 4), np.linspace(-0.25, 0.5, 4)]) * 2.667,
+    "reach": np.linspace(-0.375, 0.375, 4) * 2.667,
+    "half_travel": 2.667 / 2,
+    "part_length": 2.667 / 4,
+    "weights": np.random.default_rng(3).normal(0.0, 0.2, (8, 15)).ravel(),
+}
+TRACKS = _core.TrackNet(**TRACK_NET)
+
+HANDLES = {"physics": BLOCK, "mlp": network(), "tracks": TRACKS}
+every_track_handle = pytest.mark.parametrize("handle", [BLOCK, TRACKS], ids=["physics", "tracks"])
 every_handle = pytest.mark.parametrize("handle", HANDLES.values(), ids=HANDLES.keys())
 
 
@@ -162,26 +182,29 @@ def test_another_jacobian_than_writable_three_by_ten_is_refused(handle: Any, jac
         (X, X, np.empty((4, 2, 3)), read_only(np.empty((4, 2, 3, 10)))),
     ],
 )
-def test_track_forces_refuse_mismatched_or_unsuitable_buffers(arguments: Any) -> None:
+@every_track_handle
+def test_track_forces_refuse_mismatched_or_unsuitable_buffers(handle: Any, arguments: Any) -> None:
     with pytest.raises(ValueError):  # noqa: PT011
-        BLOCK.track_forces(*arguments)
+        handle.track_forces(*arguments)
 
 
-def test_a_jacobian_of_the_tracks_that_is_no_buffer_is_refused_without_harm() -> None:
+@every_track_handle
+def test_a_jacobian_of_the_tracks_that_is_no_buffer_is_refused_without_harm(handle: Any) -> None:
     for given in (None, 3.0, "jacobian"):
         with pytest.raises((TypeError, ValueError)):
-            BLOCK.track_forces(X, X, np.empty((4, 2, 3)), given)  # type: ignore[arg-type]
+            handle.track_forces(X, X, np.empty((4, 2, 3)), given)
     with pytest.raises(TypeError):
-        BLOCK.track_forces(X, X, np.empty((4, 2, 3)), np.empty((4, 2, 3, 10)), X)  # type: ignore[call-arg]
+        handle.track_forces(X, X, np.empty((4, 2, 3)), np.empty((4, 2, 3, 10)), X)
 
 
-def test_a_refused_row_leaves_the_outputs_of_the_tracks_as_they_were() -> None:
+@every_track_handle
+def test_a_refused_row_leaves_the_outputs_of_the_tracks_as_they_were(handle: Any) -> None:
     bad = X.copy()
     bad[3, 9] = -1.0
     tracks, jacobian = np.full((4, 2, 3), 7.0), np.full((4, 2, 3, 10), 7.0)
     for left, right in ((bad, X), (X, bad)):
         with pytest.raises(ValueError, match=r"row 3.*\bk\b"):
-            BLOCK.track_forces(left, right, tracks, jacobian)
+            handle.track_forces(left, right, tracks, jacobian)
     assert np.all(tracks == 7.0)
     assert np.all(jacobian == 7.0)
 
@@ -193,11 +216,18 @@ def test_what_is_no_buffer_is_refused_without_harm(handle: Any, given: Any) -> N
         handle.forces(given, np.empty((1, 3)))
 
 
-def test_a_refused_row_is_named_with_its_column() -> None:
-    x = X.copy()
-    x[2, 9] = 0.0
-    with pytest.raises(ValueError, match=r"row 2.*\bk\b"):
-        BLOCK.forces(x, np.empty((4, 3)))
+@every_track_handle
+def test_a_refused_row_is_named_with_its_column(handle: Any) -> None:
+    for column, value, name in ((9, 0.0, "k"), (9, -1.0, "k"), (9, np.nan, "k"), (3, np.inf, "ax"), (0, np.nan, "vx")):
+        x = X.copy()
+        x[2, column] = value
+        forces, jacobian = np.full((4, 3), 7.0), np.full((4, 3, 10), 7.0)
+        with pytest.raises(ValueError, match=rf"row 2.*\b{name}\b"):
+            handle.forces(x, forces)
+        with pytest.raises(ValueError, match=rf"row 2.*\b{name}\b"):
+            handle.forces_and_jacobian(x, forces, jacobian)
+        assert np.all(forces == 7.0)
+        assert np.all(jacobian == 7.0)
 
 
 # Physics
@@ -222,16 +252,16 @@ def test_a_block_of_impossible_size_is_refused(name: str, value: Any) -> None:
         _core.Physics(**{**M113, name: value})
 
 
-def test_tracks_sum_to_the_forces_to_the_bit() -> None:
+@every_track_handle
+def test_tracks_sum_to_the_forces_to_the_bit(handle: Any) -> None:
     forces, tracks = np.empty((4, 3)), np.empty((4, 2, 3))
-    BLOCK.forces(X, forces)
-    BLOCK.track_forces(X, X, tracks)
+    handle.forces(X, forces)
+    handle.track_forces(X, X, tracks)
     np.testing.assert_array_equal(tracks.sum(axis=1), forces)
 
 
-@pytest.mark.parametrize("path", [0, 1])
-def test_the_jacobian_of_the_tracks_comes_with_the_same_forces_and_sums_to_that_of_the_vehicle(path: int) -> None:
-    block = _core.Physics(**{**M113, "path": path})
+@pytest.mark.parametrize("block", [BLOCK, _core.Physics(**{**M113, "path": 1}), TRACKS], ids=["soft", "exact", "net"])
+def test_the_jacobian_of_the_tracks_comes_with_the_same_forces_and_sums_to_that_of_the_vehicle(block: Any) -> None:
     x = np.repeat(X, 40, axis=0)  # enough rows to run without the interpreter's lock
     forces, jacobian = np.empty((160, 3)), np.empty((160, 3, 10))
     tracks, slopes = np.empty((160, 2, 3)), np.empty((160, 2, 3, 10))
@@ -362,3 +392,106 @@ def test_another_number_of_parameter_bytes_is_refused(size: int) -> None:
 def test_an_impossible_network_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(ValueError):  # noqa: PT011
         network(**changes)
+
+
+# Structured network
+
+
+@pytest.mark.parametrize("name", sorted(TRACK_NET))
+def test_every_argument_of_the_structured_network_is_asked_for(name: str) -> None:
+    with pytest.raises(TypeError, match="missing required argument"):
+        _core.TrackNet(**{key: value for key, value in TRACK_NET.items() if key != name})
+
+
+@pytest.mark.parametrize("name", ["path", "along", "cells"])
+def test_the_structured_network_takes_no_cells(name: str) -> None:
+    with pytest.raises(TypeError, match="keyword argument"):
+        _core.TrackNet(**{**TRACK_NET, name: 1})
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"mode": 2}, "mode"),
+        ({"mode": -1}, "mode"),
+        ({"contact": 2}, "contact"),
+        ({"wheels": 0}, "wheels"),
+        ({"wheels": 65}, "wheels"),
+        ({"wheels": 4}, "4 wheels"),
+        ({"wheels": 6}, "6 wheels"),
+        ({"soft_speed": 0.0}, "soft_speed"),
+        ({"soft_speed": -0.1}, "soft_speed"),
+        ({"soft_speed": np.nan}, "soft_speed"),
+        ({"activation": 3}, "activation"),
+        ({"activation": -1}, "activation"),
+        ({"parameters": TRACK_NET["parameters"][:-1]}, "byte"),
+        ({"parameters": TRACK_NET["parameters"] + b"0000"}, "byte"),
+        ({"widths": (13,)}, "layers"),
+        ({"widths": (13, 8, 0)}, "widths"),
+        ({"widths": (13, 513, 15)}, "widths"),
+        ({"widths": (12, 8, 15), "parameters": bytes(4 * (13 * 8 + 9 * 15))}, "13 features"),
+        ({"widths": (13, 8, 3), "parameters": bytes(4 * (14 * 8 + 9 * 3))}, "15 units"),
+        ({"widths": (13, 15, 8, 10), "parameters": bytes(4 * (14 * 15 + 16 * 8 + 9 * 10))}, "15 units"),
+        ({"input_mean": np.zeros(12)}, "input_mean"),
+        ({"input_scale": np.ones(14)}, "input_scale"),
+        ({"output_mean": np.zeros(3)}, "output_mean"),
+        ({"output_scale": np.ones(16)}, "output_scale"),
+        ({"output_scale": np.ones(15, np.float32)}, "output_scale"),
+        ({"ends": np.zeros(5)}, "ends"),
+        ({"reach": np.zeros(5)}, "reach"),
+        ({"weights": np.zeros(8 * 15 - 1)}, "weights"),
+        ({"weights": np.zeros(8 * 15 * 2)[::2]}, "weights"),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_an_impossible_structured_network_is_refused_by_name(changes: dict[str, Any], named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        _core.TrackNet(**{**TRACK_NET, **changes})
+
+
+@pytest.mark.parametrize("name", ["input_mean", "output_scale", "ends", "weights", "widths", "parameters"])
+@pytest.mark.parametrize("given", [None, 3.0])
+def test_what_the_structured_network_cannot_read_is_refused_without_harm(name: str, given: Any) -> None:
+    with pytest.raises((TypeError, ValueError)):
+        _core.TrackNet(**{**TRACK_NET, name: given})
+
+
+def test_the_structured_network_keeps_copies_of_what_it_is_given() -> None:
+    given: dict[str, Any] = {
+        name: value.copy() if isinstance(value, np.ndarray) else value for name, value in TRACK_NET.items()
+    }
+    net = _core.TrackNet(**given)
+    for value in given.values():
+        if isinstance(value, np.ndarray):
+            value[:] = np.nan
+    found, expected = np.empty((4, 3)), np.empty((4, 3))
+    net.forces(X, found)
+    TRACKS.forces(X, expected)
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("wheels", [1, 2, 64])
+def test_the_structured_network_takes_any_number_of_wheels_up_to_the_most(wheels: int) -> None:
+    units = 3 * wheels
+    # Every element shears as the middle of the points does.
+    along, across = np.repeat([[0.25, 0.0, 0.0], [0.0, 0.25, 0.0]], wheels, axis=1)
+    changes: dict[str, Any] = {
+        "mode": 1,
+        "wheels": wheels,
+        "element_length": 2.667 / wheels,
+        "element_spacing": 2.667 / wheels,
+        "widths": (13, 512, 512, units),
+        "parameters": bytes(4 * (14 * 512 + 513 * 512 + 513 * units)),
+        "output_mean": np.zeros(units),
+        "output_scale": np.ones(units),
+        "weights": np.concatenate([along] * 4 + [across] * 4),
+    }
+    net = _core.TrackNet(**{**TRACK_NET, **changes})
+    # Sliding sideways for good on soil: c A + W tan phi.
+    x = np.array([[0, 50.0, 0, 0, 0, 0, 0, 4000.0, 0.5, 0.1, 1e-4]])
+    forces, jacobian = np.empty((1, 3)), np.empty((1, 3, 11))
+    net.forces_and_jacobian(x, forces, jacobian)
+    expected = -(4000.0 * 2 * 2.667 * 0.38 + 11300 * 9.81 * np.tan(0.5))
+    np.testing.assert_allclose(forces, [[0.0, expected, 0.0]], rtol=1e-9, atol=1e-6 * abs(expected))
+    assert jacobian[0, 1, 7] == pytest.approx(-2 * 2.667 * 0.38)
+    assert np.isfinite(jacobian).all()

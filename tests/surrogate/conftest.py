@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from grouser.surrogate import Activation, BoxMahalanobisDetector, Normalizer, Surrogate, random_network
+from grouser.surrogate import (
+    NUMPY_NETWORK,
+    Activation,
+    BoxMahalanobisDetector,
+    DenseNetwork,
+    Normalizer,
+    Surrogate,
+    random_network,
+)
+from grouser.surrogate.track_model import FEATURES, SIDES, track_state
 from grouser.terrain import FloatArray, Mode, PhysicsBackend, TrackedVehicle, parameter_ranges
 
 Rows = tuple[FloatArray, NDArray[np.int64]]
@@ -67,6 +76,40 @@ def make_surrogate(m113: TrackedVehicle) -> Callable[..., Surrogate]:
             recipe={"hidden": list(hidden), "seed": 1},
             dataset_hash="0" * 64,
             metrics={"r2": [0.1, 0.2, 0.3]},
+        )
+
+    return make
+
+
+@pytest.fixture
+def make_structured(m113: TrackedVehicle) -> Callable[..., Surrogate]:
+    """Structured surrogates whose untrained networks add tenths of the strength, also where the slip is nothing."""
+
+    def make(
+        mode: Mode = "rigid",
+        activation: Activation = "silu",
+        hidden: tuple[int, ...] = (32, 24),
+        vehicle: TrackedVehicle = m113,
+        seed: int = 1,
+    ) -> Surrogate:
+        x, runs = _driving_rows(vehicle, mode)
+        generator, units = np.random.default_rng(seed), 3 * vehicle.road_wheels
+        features = [track_state(NUMPY_NETWORK, vehicle, mode, x, side).features for side in SIDES]
+        network = random_network((FEATURES, *hidden, units), activation, generator)
+        biases = tuple(generator.normal(0.0, 0.3, len(bias)).astype(np.float32) for bias in network.biases)
+        ranges = parameter_ranges("wide", mode)
+        return Surrogate(
+            vehicle=vehicle,
+            mode=mode,
+            network=DenseNetwork(activation, network.weights, biases),
+            input_normalizer=Normalizer.fit(np.concatenate(features)),
+            output_normalizer=Normalizer(generator.normal(0.0, 0.05, units), generator.uniform(0.05, 0.15, units)),
+            detector=BoxMahalanobisDetector.fit(x, runs, Normalizer.fit(x), ranges, vehicle),
+            ranges=ranges,
+            recipe={"hidden": list(hidden), "seed": seed},
+            dataset_hash="0" * 64,
+            metrics={"r2": [0.1, 0.2, 0.3]},
+            feature_map="track",
         )
 
     return make

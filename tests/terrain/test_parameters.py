@@ -166,3 +166,13 @@ def test_ranges_are_plain_values() -> None:
     ranges = ParameterRanges("rigid", (0.2, 0.0, 0.01), (0.4, 0.1, 0.02))
     assert ranges.interface.mode == "rigid"
     assert ranges.contains(RigidTerrain(0.3, 0.05, 0.015))
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("name", RANGE_NAMES)
+def test_places_of_the_unit_cube_follow_the_law_of_the_draws(name: str, mode: Mode) -> None:
+    ranges, first, second = parameter_ranges(name, mode), np.random.default_rng(3), np.random.default_rng(3)
+    drawn = np.array([ranges.sample(first).parameters for _ in range(200)])
+    np.testing.assert_allclose(ranges.at(second.random(drawn.shape)), drawn, rtol=1e-14)
+    corners = ranges.at(np.array([np.zeros(drawn.shape[1]), np.ones(drawn.shape[1])]))
+    np.testing.assert_allclose(corners, [ranges.low, ranges.high], rtol=1e-14)

@@ -18,7 +18,8 @@ typedef struct {
   grouser_dense dense;   /* GROUSER_FEATURES to 3 * wheels */
   double input_mean[GROUSER_FEATURES], input_scale[GROUSER_FEATURES];
   double output_mean[GROUSER_MAX_UNITS], output_scale[GROUSER_MAX_UNITS];
-  double ends[GROUSER_POINTS + 1], reach[GROUSER_POINTS], half_travel, part_length;
+  double ends[2 * GROUSER_POINTS]; /* of the parts: rear ends, then front ends */
+  double reach[GROUSER_POINTS], half_travel, part_length;
   double weights[GROUSER_SHEAR * GROUSER_MAX_UNITS]; /* shear x units, row-major with 3 * wheels a row */
 } grouser_track_net;
 

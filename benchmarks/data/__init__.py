@@ -1,0 +1,1 @@
+"""What a dataset consists of, drawn; run by ``benchmarks/data_figures.py``."""
