@@ -97,39 +97,28 @@ def track_state(xp: NetworkNamespace, vehicle: TrackedVehicle, mode: Mode, x: An
 
     points = shear_points(vehicle)
     spread = along * along + (yaw_rate * vehicle.track_width) ** 2 / 12 + _TINY_SQUARE
-    shear_along, shear_across = [], []
-    for j in range(POINTS):
-        start, stop = (across + yaw_rate * float(end[j]) for end in (points.starts, points.stops))
-        size = (array.sqrt(spread + start * start) + array.sqrt(spread + stop * stop)) / 2
-        travelled = (points.half_travel - direction * float(points.reach[j])) * per_meter
-        z = size * travelled
-        gain = travelled * shear_factor(array, z)
-        curving = (1.0 - z * shear_factor(array, z)) * direction * yaw_rate * per_meter * (points.length**2 / 12)
-        shear_along.append(-gain * along)
-        shear_across.append(curving - gain * (start + stop) / 2)
-    shear = array.join([*shear_along, *shear_across])
+    start, stop = (across + yaw_rate * array.constant(ends) for ends in (points.starts, points.stops))
+    size = (array.sqrt(spread + start * start) + array.sqrt(spread + stop * stop)) / 2
+    travelled = (points.half_travel - direction * array.constant(points.reach)) * per_meter
+    z = size * travelled
+    factor = shear_factor(array, z)
+    gain = travelled * factor
+    curving = (1.0 - z * factor) * (direction * yaw_rate * per_meter * (points.length**2 / 12))
+    shear = array.join([-gain * along, curving - gain * (start + stop) / 2])
 
-    half = vehicle.contact_length / 2
-    turning = yaw_rate * half
+    turning = yaw_rate * (vehicle.contact_length / 2)
     size = array.sqrt(along * along + across * across + turning * turning + _TINY_SQUARE) - _TINY_SQUARE**0.5
     z = size * points.half_travel * per_meter
     factor = shear_factor(array, z)
-    gate = z * factor
     scale = points.half_travel * per_meter * factor
-    features = array.join(
-        [*shear_along, *shear_across, along * scale, across * scale, turning * scale, z / (z + 4.0), direction]
-    )
+    features = array.join([shear, along * scale, across * scale, turning * scale, z / (z + 4.0), direction])
 
     load = side_loads(array, vehicle, ay)[0 if side == "left" else 1]
+    shares = array.join(element_shares(array, vehicle, ax))
     area = vehicle.element_length * vehicle.track_width
-    strengths = array.join(
-        [
-            shear_strength(array, vehicle, mode, terrain, load * share) * area
-            for share in element_shares(array, vehicle, ax)
-        ]
-    )
+    strengths = shear_strength(array, vehicle, mode, terrain, load * shares) * area
     quadrature = xp.affine(shear, points.weights, np.zeros(points.weights.shape[1]))
-    return TrackState(features, gate, quadrature, strengths, -terrain[-2] * load * direction)
+    return TrackState(features, z * factor, quadrature, strengths, -terrain[-2] * load * direction)
 
 
 def track_force(
@@ -137,18 +126,24 @@ def track_force(
 ) -> list[Any]:
     """Return [Fx, Fy, M] of one track, M about the CG; ``correction`` are the network's outputs (…, 3n)."""
     array = xp.array
-    count = vehicle.road_wheels
-    unit = array.columns(state.quadrature + state.gate * correction)
-    strengths = array.columns(state.strengths)
-    arms = vehicle.element_centers
-    fx, fy, moment = state.rolling, 0.0, 0.0
-    for i, strength in enumerate(strengths):
-        fx = fx + strength * unit[i]
-        fy = fy + strength * unit[count + i]
-        lever = float(arms[i]) * unit[count + i] + vehicle.element_length / 2 * unit[2 * count + i]
-        moment = moment + strength * lever
+    unit = state.quadrature + state.gate * correction
+    shear = array.join([state.strengths] * 3) * unit
+    along, across, moment = (array.total(shear * array.constant(lever)) for lever in _levers(vehicle))
+    fx = along + state.rolling
     moment = moment - vehicle.tread / 2 * fx
-    return [fx, fy, moment] if side == "left" else [fx, -fy, -moment]
+    return [fx, across, moment] if side == "left" else [fx, -across, -moment]
+
+
+def _levers(vehicle: TrackedVehicle) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what each unit adds to Fx, Fy, and M about the middle of the track at the CG, each of shape (3n,)."""
+    count = vehicle.road_wheels
+    ones, zeros = np.ones(count), np.zeros(count)
+    half = np.full(count, vehicle.element_length / 2)
+    return (
+        np.concatenate([ones, zeros, zeros]),
+        np.concatenate([zeros, ones, zeros]),
+        np.concatenate([zeros, vehicle.element_centers, half]),
+    )
 
 
 def track_forces(
