@@ -165,7 +165,7 @@ def _from_preset(
     # By name: typer brings a click of its own, whose enumeration is another one.
     sources = {key: context.get_parameter_source(key) for key in context.params}
     typed = [key for key, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
-    refused = [f"--{key.replace('_', '-')}" for key in typed if key not in _BESIDE_PRESET]
+    refused = sorted(f"--{key.replace('_', '-')}" for key in typed if key not in _BESIDE_PRESET)
     if refused:
         raise ConfigurationError(f"--preset {name} is a whole recipe: leave out {', '.join(refused)}")
     chosen = preset(name, seed=seed)

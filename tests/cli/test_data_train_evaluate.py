@@ -91,3 +91,29 @@ def test_evaluate_refuses_another_mode(call: Any, artifact: Path, tmp_path: Path
     other = tmp_path / "soil"
     call("data", other, "--mode", "soil", "--runs", 1, "--samples", 5, "--transient", 0, "--workers", 1)
     assert "asked for m113 on soil ground" in call("evaluate", artifact, other, code=2).err
+
+
+def test_train_writes_a_model_card_and_learning_curves(call: Any, dataset: Path, tmp_path: Path) -> None:
+    file, board = tmp_path / "made.safetensors", tmp_path / "board"
+    called = call(
+        "train", dataset, file, "--family", "structured", "--hidden", "4", "--schedule", "cosine", "--epochs", 2,
+        "--perturbed-copies", 0, "--no-symmetries", "--tensorboard", board,
+    )  # fmt: skip
+    surrogate = Surrogate.load(file)
+    assert surrogate.structured
+    assert surrogate.recipe["schedule"] == "cosine"
+    card = file.with_suffix(".md")
+    assert str(card) in called.out
+    assert surrogate.content_hash in card.read_text(encoding="utf-8")
+    assert len(list(board.glob("events.out.tfevents.*"))) == 1
+
+
+def test_a_preset_is_a_whole_recipe(call: Any) -> None:
+    refused = call("train", "--preset", "m113-rigid", "--epochs", 3, "--hidden", "8", code=2)
+    assert "leave out --epochs, --hidden" in refused.err
+    assert "did you mean 'm113-rigid'" in call("train", "--preset", "m113-rigit", code=2).err
+
+
+def test_train_needs_a_dataset_and_an_output_or_a_preset(call: Any, dataset: Path) -> None:
+    for arguments in ([], [dataset]):
+        assert "or --preset NAME" in call("train", *arguments, code=2).err
