@@ -11,8 +11,6 @@ import numpy as np
 
 from ..native import Mlp, TrackNet
 from ..terrain import (
-    CONTACTS,
-    GRAVITY,
     MODES,
     CompiledBackend,
     ConfigurationError,
@@ -20,6 +18,7 @@ from ..terrain import (
     ForceBackend,
     Mode,
     TrackedVehicle,
+    block_geometry,
 )
 from .artifact import Surrogate
 from .network import ACTIVATIONS, require_torch, torch_module, torch_network
@@ -94,18 +93,6 @@ def _track_kernel(surrogate: Surrogate) -> TrackNet:
     points = shear_points(vehicle)
     return TrackNet(
         mode=MODES.index(surrogate.mode),
-        contact=CONTACTS.index(vehicle.contact),
-        wheels=vehicle.road_wheels,
-        mass=vehicle.mass,
-        gravity=GRAVITY,
-        contact_length=vehicle.contact_length,
-        element_length=vehicle.element_length,
-        element_spacing=vehicle.element_spacing,
-        tread=vehicle.tread,
-        track_width=vehicle.track_width,
-        cg_height=vehicle.cg_height,
-        contact_center=vehicle.contact_center,
-        soft_speed=vehicle.soft_speed,
         activation=ACTIVATIONS.index(network.activation),
         widths=network.widths,
         parameters=network.packed(),
@@ -118,6 +105,7 @@ def _track_kernel(surrogate: Surrogate) -> TrackNet:
         half_travel=points.half_travel,
         part_length=points.length,
         weights=points.weights,
+        **block_geometry(vehicle),
     )
 
 

@@ -13,7 +13,7 @@ from .closed_forms import (
     straight_thrust,
     turning_resistance,
 )
-from .compiled import CompiledBackend
+from .compiled import CompiledBackend, block_geometry
 from .errors import (
     ArtifactError,
     ConfigurationError,
@@ -132,6 +132,7 @@ __all__ = [
     "assemble",
     "backend_names",
     "block_forces",
+    "block_geometry",
     "body_gravity",
     "casadi_namespace",
     "interface",

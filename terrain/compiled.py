@@ -9,7 +9,25 @@ import numpy as np
 from .backend import ForceBackend
 from .errors import InvalidInputError
 from .interface import FloatArray, Mode
-from .vehicle import TrackedVehicle
+from .vehicle import CONTACTS, GRAVITY, TrackedVehicle
+
+
+def block_geometry(vehicle: TrackedVehicle) -> dict[str, Any]:
+    """Return what every compiled block takes of a vehicle, by the names that it takes them under."""
+    return {
+        "contact": CONTACTS.index(vehicle.contact),
+        "wheels": vehicle.road_wheels,
+        "mass": vehicle.mass,
+        "gravity": GRAVITY,
+        "contact_length": vehicle.contact_length,
+        "element_length": vehicle.element_length,
+        "element_spacing": vehicle.element_spacing,
+        "tread": vehicle.tread,
+        "track_width": vehicle.track_width,
+        "cg_height": vehicle.cg_height,
+        "contact_center": vehicle.contact_center,
+        "soft_speed": vehicle.soft_speed,
+    }
 
 
 class Kernel(Protocol):

@@ -7,11 +7,11 @@ from typing import Any, ClassVar, Final
 
 from ..native import Physics
 from .block import SHEAR_PATHS, ShearGrid, ShearPath
-from .compiled import CompiledBackend
+from .compiled import CompiledBackend, block_geometry
 from .errors import InvalidInputError
 from .interface import MODES, Mode, interface
 from .parameters import require_in
-from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle, check_contact
+from .vehicle import CONTACTS, Contact, TrackedVehicle, check_contact
 
 _DOMAIN: Final = "k must be positive, and with soft_speed 0 every belt must run"
 
@@ -63,21 +63,11 @@ class PhysicsBackend(CompiledBackend):
         try:
             block = Physics(
                 mode=mode_index,
-                contact=CONTACTS.index(self.grid.contact),
                 path=SHEAR_PATHS.index(self.grid.path),
-                wheels=vehicle.road_wheels,
                 along=self.grid.along,
                 across=self.grid.across,
-                mass=vehicle.mass,
-                gravity=GRAVITY,
-                contact_length=vehicle.contact_length,
-                element_length=vehicle.element_length,
-                element_spacing=vehicle.element_spacing,
-                tread=vehicle.tread,
-                track_width=vehicle.track_width,
-                cg_height=vehicle.cg_height,
-                contact_center=vehicle.contact_center,
-                soft_speed=self.soft_speed,
+                **block_geometry(vehicle)
+                | {"contact": CONTACTS.index(self.grid.contact), "soft_speed": self.soft_speed},
             )
         except ValueError as error:
             raise InvalidInputError(str(error)) from error
