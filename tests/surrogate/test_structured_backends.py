@@ -557,7 +557,7 @@ def test_on_a_slope_it_is_the_model_under_the_gravity_there(
     surrogate = make_structured(mode)
     backend = NativeSurrogate(M113, mode, surrogate)
     ratio = 0.8
-    monkeypatch.setattr("grouser.surrogate.backends.GRAVITY", ratio * GRAVITY)
+    monkeypatch.setattr("grouser.terrain.compiled.GRAVITY", ratio * GRAVITY)
     light = NativeSurrogate(M113, mode, surrogate)
     x, _ = driving_rows(M113, mode, runs=3, samples=40, seed=11)
     x[60:, 3:5] *= 5.0
