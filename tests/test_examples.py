@@ -10,7 +10,12 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+PAGES = (ROOT / "README.md", ROOT / "docs" / "physics.md")
+BLOCKS = {
+    f"{page.stem}-{index}": block
+    for page in PAGES
+    for index, block in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL))
+}
 
 
 def run(*arguments: str) -> str:
@@ -27,8 +32,8 @@ def test_an_example_runs(example: Path) -> None:
     assert run(str(example)).strip()
 
 
-@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
-def test_a_code_block_of_the_readme_runs(block: str) -> None:
+@pytest.mark.parametrize("block", BLOCKS.values(), ids=BLOCKS.keys())
+def test_a_code_block_of_the_documentation_runs(block: str) -> None:
     run("-c", block)
 
 

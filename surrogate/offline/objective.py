@@ -11,7 +11,7 @@ import numpy as np
 from ...terrain import OUTPUT_NAMES, FloatArray, Mode, TrackedVehicle
 from ..network import NUMPY_NETWORK, DenseNetwork
 from ..normalizer import Normalizer
-from ..track_model import FEATURES, SIDES, track_force, track_state
+from ..track_model import FEATURES, SIDES, Side, TrackState, track_force, track_state
 from .preparation import whitening
 from .training_config import TrainingConfig
 
@@ -82,7 +82,7 @@ class StructuredObjective:
 
     def __init__(self, config: TrainingConfig, vehicle: TrackedVehicle, mode: Mode, inputs: FloatArray) -> None:
         self._vehicle, self._mode = vehicle, mode
-        features = [track_state(NUMPY_NETWORK, vehicle, mode, inputs, side).features for side in SIDES]
+        features = [self.state(inputs, side).features for side in SIDES]
         self.input_normalizer = Normalizer.fit(np.concatenate(features))
         outputs = 3 * vehicle.road_wheels
         self.output_normalizer = Normalizer(np.zeros(outputs), np.full(outputs, _OUTPUT_SCALE))
@@ -91,19 +91,25 @@ class StructuredObjective:
 
     def tensors(self, inputs: FloatArray, forces: FloatArray) -> tuple[Any, ...]:
         """Return features (n, 2, 13), element weights (n, 2, elements) and what the quadrature leaves (n, 3)."""
-        vehicle = self._vehicle
-        features, weights = [], []
+        states = {side: self.state(inputs, side) for side in SIDES}
         left = forces.copy()
-        shear = np.zeros((len(inputs), 1))
-        for side in SIDES:
-            state = track_state(NUMPY_NETWORK, vehicle, self._mode, inputs, side)
-            left -= np.concatenate(track_force(NUMPY_NETWORK, vehicle, state, 0.0, side), axis=1)
-            shear += state.strengths.sum(axis=1, keepdims=True)
-            features.append(self.input_normalizer.normalize(state.features))
-            weights.append(state.strengths * state.gate)
-        scale = shear * _ERROR_SCALE
-        weight = np.stack(weights, axis=1) * (_OUTPUT_SCALE / scale[:, None])
-        return _tensor(np.stack(features, axis=1)), _tensor(weight), _tensor(left / (scale * self._levers))
+        for side, state in states.items():
+            left -= np.concatenate(track_force(NUMPY_NETWORK, self._vehicle, state, 0.0, side), axis=1)
+        scale = self.scale(list(states.values()))
+        features = np.stack([self.input_normalizer.normalize(state.features) for state in states.values()], axis=1)
+        weights = np.stack([state.strengths * state.gate for state in states.values()], axis=1)
+        weights *= _OUTPUT_SCALE / scale[:, None, :1]
+        return _tensor(features), _tensor(weights), _tensor(left / scale)
+
+    def state(self, inputs: FloatArray, side: Side) -> TrackState:
+        """Return what one track's force is made of, for rows (n, d)."""
+        return track_state(NUMPY_NETWORK, self._vehicle, self._mode, inputs, side)
+
+    def scale(self, states: Sequence[TrackState]) -> FloatArray:
+        """Return what the errors are over, shape (n, 3): 2 % of the available shear, for Mz times L/4."""
+        shear = np.concatenate([state.strengths for state in states], axis=1).sum(axis=1, keepdims=True)
+        scaled: FloatArray = shear * _ERROR_SCALE * self._levers
+        return scaled
 
     def errors(self, module: Any, batch: Sequence[Any]) -> Any:
         """Return predicted less given forces over the available shear."""

@@ -116,7 +116,7 @@ def train_surrogate(
     inputs, forces = training_rows(train, config)
     objective = make_objective(config, dataset.vehicle, dataset.manifest.mode, inputs, forces)
     with torch_threads(threads):
-        network, history = _optimize(
+        network, history = optimize(
             config,
             objective,
             [(inputs, forces), (validation.inputs, validation.forces)],
@@ -153,7 +153,7 @@ def train_surrogate(
     return TrainingResult(surrogate, split, tuple(history))
 
 
-def _optimize(
+def optimize(
     config: TrainingConfig,
     objective: Objective,
     sides: list[tuple[FloatArray, FloatArray]],
@@ -161,6 +161,23 @@ def _optimize(
     identity: dict[str, Any],
     report: Report | None,
 ) -> tuple[DenseNetwork, list[EpochReport]]:
+    """Fit a network to an objective, going on from the checkpoint if there is one.
+
+    Parameters
+    ----------
+    config : TrainingConfig
+        The recipe.
+    objective : Objective
+        What is fitted to what.
+    sides : list of tuple of ndarray
+        Inputs and forces of the training and of the validation rows.
+    checkpoint : Path
+        Written after every epoch.
+    identity : dict
+        What a checkpoint must be of, as JSON can hold it.
+    report : callable, optional
+        Called after each epoch.
+    """
     import torch
 
     rows, held_out = (objective.tensors(inputs, forces) for inputs, forces in sides)
