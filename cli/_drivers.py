@@ -68,11 +68,14 @@ def fitting_artifact(artifacts: Sequence[FilePath], mode: str) -> Surrogate | No
     return next((surrogate for surrogate in loaded if surrogate.mode == mode), loaded[0] if loaded else None)
 
 
+def takes_artifact(backend: str) -> bool:
+    """Whether a backend answers from an artifact; the physics blocks do not."""
+    return backend not in _PHYSICS_BLOCKS
+
+
 def artifact_options(backend: str, artifacts: Sequence[FilePath], mode: str) -> dict[str, Any]:
-    """Return the options of a backend that is given artifacts to choose from; the physics blocks take none."""
-    if not artifacts or backend in _PHYSICS_BLOCKS:
-        return {}
-    return {"artifact": fitting_artifact(artifacts, mode)}
+    """Return the options of a backend that is given artifacts to choose from; those of no use are not read."""
+    return {"artifact": fitting_artifact(artifacts, mode)} if artifacts and takes_artifact(backend) else {}
 
 
 @contextmanager

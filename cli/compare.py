@@ -11,7 +11,7 @@ import typer
 from ..envs import make_path
 from ..terrain import InvalidInputError, TrackedVehicle, resolve_ground
 from ._console import StageBars, out, print_facts
-from ._drivers import artifact_options, driver_factory, fitting_artifact, one_torch_thread
+from ._drivers import driver_factory, fitting_artifact, one_torch_thread, takes_artifact
 from ._options import PathOrFile, Speed, Vehicle, label_of, names_of
 from ._tables import drives_table, surrogates_table
 
@@ -60,15 +60,17 @@ def compare(
     wanted = names_of(backends, "--backends")
     began = perf_counter()
     scenarios, surrogates = [], {}
-    grounds = {label_of(name): resolve_ground(name) for name in names_of(terrain, "--terrain")}
-    if len(grounds) < len(names_of(terrain, "--terrain")):
+    typed = names_of(terrain, "--terrain")
+    grounds = {label_of(name): resolve_ground(name) for name in typed}
+    if len(grounds) < len(typed):
         raise InvalidInputError(f"two grounds of one name: {terrain}; rename a ground's file")
     for name, ground in grounds.items():
         surrogate = fitting_artifact(artifact or [], ground.mode)
         made = [driver_factory(who, track, machine, ground, speed) for who in names_of(controller, "--controller")]
         if len(dict(made)) < len(made):
             raise InvalidInputError(f"two controllers of one name: {controller}; rename a policy's file")
-        options = {backend: artifact_options(backend, artifact or [], ground.mode) for backend in wanted}
+        chosen = {} if surrogate is None else {"artifact": surrogate}
+        options = {backend: chosen for backend in wanted if takes_artifact(backend)}
         scenarios.append(Scenario(name, name, ground, track, machine, speed, dict(made), options, time_limit))
         if surrogate is not None:
             surrogates[f"{surrogate.vehicle.name} {surrogate.mode}"] = surrogate
