@@ -5,6 +5,7 @@ import sys
 import tarfile
 import zipfile
 from collections.abc import Sequence
+from pathlib import Path
 
 WHEEL_REQUIRED = (
     r"grouser/__init__\.py",
@@ -36,7 +37,8 @@ SOURCE_ALLOWED = (
 MAXIMUM_BYTES = 2_000_000
 
 
-def check(path: str, names: Sequence[str], size: int, required: Sequence[str], allowed: str) -> None:
+def check(path: str, names: Sequence[str], required: Sequence[str], allowed: str) -> None:
+    size = Path(path).stat().st_size
     missing = [pattern for pattern in required if not any(re.fullmatch(pattern, name) for name in names)]
     strange = [name for name in names if not re.fullmatch(allowed, name)]
     if missing or strange or size > MAXIMUM_BYTES:
@@ -48,13 +50,11 @@ def main(paths: Sequence[str]) -> None:
     for path in paths:
         if path.endswith(".whl"):
             with zipfile.ZipFile(path) as wheel:
-                size = sum(entry.compress_size for entry in wheel.infolist())
-                check(path, wheel.namelist(), size, WHEEL_REQUIRED, WHEEL_ALLOWED)
+                check(path, wheel.namelist(), WHEEL_REQUIRED, WHEEL_ALLOWED)
         else:
             with tarfile.open(path) as source:
-                files = [entry for entry in source.getmembers() if entry.isfile()]
-                names = [entry.name.split("/", 1)[1] for entry in files]
-                check(path, names, sum(entry.size for entry in files), SOURCE_REQUIRED, SOURCE_ALLOWED)
+                names = [entry.name.split("/", 1)[1] for entry in source.getmembers() if entry.isfile()]
+                check(path, names, SOURCE_REQUIRED, SOURCE_ALLOWED)
 
 
 if __name__ == "__main__":
