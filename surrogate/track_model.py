@@ -25,15 +25,15 @@ from .network import NetworkNamespace
 
 #: Shear points along each track.
 POINTS: Final = 4
-#: Features of a track: shear at the points along and across, gated slip direction (3), slip size, rolling direction.
-FEATURES: Final = 2 * POINTS + 5
+#: Features of a track: shear at the points along and across, slip size, rolling direction.
+FEATURES: Final = 2 * POINTS + 2
 # Far below any speed; keeps the derivatives of a length finite at zero.
 _TINY_SQUARE: Final = 1e-300
 
 Side = Literal["left", "right"]
 SIDES: Final[tuple[Side, ...]] = ("left", "right")
 
-#: Network outputs (…, 3n) for features (…, 13): along, across and moment, element by element each.
+#: Network outputs (…, 3n) for features (…, 10): along, across and moment, element by element each.
 Correction = Callable[[Any], Any]
 
 
@@ -43,7 +43,7 @@ class TrackState:
 
     Parameters
     ----------
-    features : array, shape (..., 13)
+    features : array, shape (..., 10)
         Network inputs, bounded; zero at rest but for the last, the rolling direction.
     gate : array, shape (..., 1)
         1 − exp(−z̄), z̄ the shear at the middle of the track over K.
@@ -109,16 +109,14 @@ def track_state(xp: NetworkNamespace, vehicle: TrackedVehicle, mode: Mode, x: An
     turning = yaw_rate * (vehicle.contact_length / 2)
     size = array.sqrt(along * along + across * across + turning * turning + _TINY_SQUARE) - _TINY_SQUARE**0.5
     z = size * points.half_travel * per_meter
-    factor = shear_factor(array, z)
-    scale = points.half_travel * per_meter * factor
-    features = array.join([shear, along * scale, across * scale, turning * scale, z / (z + 4.0), direction])
+    features = array.join([shear, z / (z + 4.0), direction])
 
     load = side_loads(array, vehicle, ay)[0 if side == "left" else 1]
     shares = array.join(element_shares(array, vehicle, ax))
     area = vehicle.element_length * vehicle.track_width
     strengths = shear_strength(array, vehicle, mode, terrain, load * shares) * area
     quadrature = xp.affine(shear, points.weights, np.zeros(points.weights.shape[1]))
-    return TrackState(features, z * factor, quadrature, strengths, -terrain[-2] * load * direction)
+    return TrackState(features, z * shear_factor(array, z), quadrature, strengths, -terrain[-2] * load * direction)
 
 
 def track_force(

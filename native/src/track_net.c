@@ -97,16 +97,11 @@ static void slip_of(const grouser_track_net *net, const double *x, enum grouser_
 
   const dual turning = scaled(block->contact_length / 2, yaw_rate);
   const dual square = add(add(multiply(along, along), multiply(across, across)), multiply(turning, turning));
-  const dual reach = scaled(net->half_travel, t);
-  const dual z = multiply(root(square), reach);
-  const dual scale = multiply(reach, shear_factor(z));
+  const dual z = multiply(root(square), scaled(net->half_travel, t));
   slip->gate = chained(z, z.v * shear_factor(z).v, exp(-z.v));
   memcpy(slip->feature, slip->shear, sizeof slip->shear);
-  slip->feature[GROUSER_SHEAR] = multiply(along, scale);
-  slip->feature[GROUSER_SHEAR + 1] = multiply(across, scale);
-  slip->feature[GROUSER_SHEAR + 2] = multiply(turning, scale);
-  slip->feature[GROUSER_SHEAR + 3] = chained(z, z.v / (z.v + 4), 4 / ((z.v + 4) * (z.v + 4)));
-  slip->feature[GROUSER_SHEAR + 4] = s;
+  slip->feature[GROUSER_SHEAR] = chained(z, z.v / (z.v + 4), 4 / ((z.v + 4) * (z.v + 4)));
+  slip->feature[GROUSER_SHEAR + 1] = s;
   slip->direction = s;
 }
 
@@ -143,16 +138,12 @@ static void values_of(const grouser_track_net *net, const double *x, enum grouse
     values->shear[GROUSER_POINTS + j] = (1.0 + rise) * bend + gain * (0.5 * (end[j] + end[GROUSER_POINTS + j]));
   }
   const double turning = block->contact_length / 2 * yaw_rate;
-  const double reach = net->half_travel * per_meter;
-  const double z = (sqrt(along * along + across * across + turning * turning + 1e-300) - 1e-150) * reach;
-  const double gate = -expm1_negative(z), scale = z > 0 ? gate / z * reach : reach;
+  const double size_square = along * along + across * across + turning * turning;
+  const double z = (sqrt(size_square + 1e-300) - 1e-150) * (net->half_travel * per_meter);
   memcpy(values->feature, values->shear, sizeof values->shear);
-  values->feature[GROUSER_SHEAR] = along * scale;
-  values->feature[GROUSER_SHEAR + 1] = across * scale;
-  values->feature[GROUSER_SHEAR + 2] = turning * scale;
-  values->feature[GROUSER_SHEAR + 3] = z / (z + 4);
-  values->feature[GROUSER_SHEAR + 4] = direction;
-  values->gate = gate;
+  values->feature[GROUSER_SHEAR] = z / (z + 4);
+  values->feature[GROUSER_SHEAR + 1] = direction;
+  values->gate = -expm1_negative(z);
   values->direction = direction;
 }
 

@@ -9,7 +9,7 @@
 enum {
   GROUSER_POINTS = 4,                         /* shear points along a track */
   GROUSER_SHEAR = 2 * GROUSER_POINTS,         /* along, then across */
-  GROUSER_FEATURES = GROUSER_SHEAR + 5,
+  GROUSER_FEATURES = GROUSER_SHEAR + 2,
   GROUSER_MAX_UNITS = 3 * GROUSER_MAX_WHEELS  /* along, across, moment, element by element each */
 };
 
