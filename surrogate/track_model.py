@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -166,9 +166,8 @@ class ShearPoints:
         Distance travelled there, in m.
     length : float
         Δ in m.
-    weights : ndarray, shape (8, 3n)
-        From shear along and across at the points to the elements' mean shear along, across, and to the moment of the
-        shear across about the element's centre, over ℓ/2.
+    mean, moment : ndarray, shape (4, n)
+        From shear at the points to the elements' mean shear, and to its moment about the element's centre, over ℓ/2.
     """
 
     starts: FloatArray
@@ -176,7 +175,18 @@ class ShearPoints:
     reach: FloatArray
     half_travel: float
     length: float
-    weights: FloatArray
+    mean: FloatArray
+    moment: FloatArray
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """From shear along and across at the points to the elements' along, across and moment, shape (8, 3n)."""
+        count = self.mean.shape[1]
+        weights = np.zeros((2 * POINTS, 3 * count))
+        weights[:POINTS, :count] = self.mean
+        weights[POINTS:, count : 2 * count] = self.mean
+        weights[POINTS:, 2 * count :] = self.moment
+        return weights
 
 
 def shear_points(vehicle: TrackedVehicle) -> ShearPoints:
@@ -209,7 +219,8 @@ def _continuous_points(contact_length: float, element_length: float, spacing: fl
         (ends[1:] + ends[:-1]) / 2,
         contact_length / 2,
         contact_length / POINTS,
-        _weights(mean, moment),
+        mean.T.copy(),
+        moment.T.copy(),
     )
 
 
@@ -222,7 +233,7 @@ def _wheel_points(element_length: float, spacing: float, count: int) -> ShearPoi
     starts, stops = ((arms[:, None] + end).ravel() for end in (ends[:-1], ends[1:]))
     mean, moment = (np.asarray(np.kron(np.eye(count), own), dtype=np.float64) for own in (own_mean, own_moment))
     reach = np.tile((ends[1:] + ends[:-1]) / 2, count)
-    return ShearPoints(starts, stops, reach, element_length / 2, element_length / share, _weights(mean, moment))
+    return ShearPoints(starts, stops, reach, element_length / 2, element_length / share, mean.T.copy(), moment.T.copy())
 
 
 def _reconstruction(ends: FloatArray, arms: FloatArray, element_length: float) -> tuple[FloatArray, FloatArray]:
@@ -239,13 +250,3 @@ def _reconstruction(ends: FloatArray, arms: FloatArray, element_length: float) -
     mean: FloatArray = np.einsum("q,iqj->ij", weights / 2, values)
     moment: FloatArray = np.einsum("q,iqj->ij", weights / 2 * nodes, values)
     return mean, moment
-
-
-def _weights(mean: FloatArray, moment: FloatArray) -> FloatArray:
-    """Return the map from shear along and across at the points to the elements' along, across and moment."""
-    count = len(mean)
-    weights = np.zeros((2 * POINTS, 3 * count))
-    weights[:POINTS, :count] = mean.T
-    weights[POINTS:, count : 2 * count] = mean.T
-    weights[POINTS:, 2 * count :] = moment.T
-    return weights

@@ -244,8 +244,8 @@ def _initial_module(objective: Objective, config: TrainingConfig) -> Any:
 
     plain = torch_module(random_network(objective.widths, config.activation, np.random.default_rng(config.seed)))
     if objective.corrects:
-        torch.nn.init.zeros_(plain[-1].weight)
-        torch.nn.init.zeros_(plain[-1].bias)
+        for parameters in plain[-1].parameters():
+            torch.nn.init.zeros_(parameters)
     if config.dropout == 0:
         return plain
     parts: list[Any] = []

@@ -1,0 +1,43 @@
+/* A force function of interface rows: what the tick asks, whatever answers. Every compiled backend's `kernel` attribute
+ * is a PyCapsule named GROUSER_KERNEL_CAPSULE that holds one; it lives as long as the object that it was read from. */
+#ifndef GROUSER_KERNEL_H
+#define GROUSER_KERNEL_H
+
+#include <stddef.h>
+
+#include "interface.h"
+
+#define GROUSER_KERNEL_CAPSULE "grouser.kernel"
+
+/* Vehicles that are evaluated at once. */
+enum { GROUSER_BLOCK = 16 };
+
+/* Interface rows of a block, column by column. */
+typedef struct {
+  double column[GROUSER_MAX_COLUMNS][GROUSER_BLOCK];
+} grouser_block_rows;
+
+/* [Qx, Qy, Mz] of a block, and their derivatives by vx, vy and yaw rate. */
+typedef struct {
+  double force[GROUSER_OUTPUTS][GROUSER_BLOCK];
+  double slope[GROUSER_OUTPUTS][3][GROUSER_BLOCK];
+} grouser_block_forces;
+
+typedef struct {
+  const void *self;
+  int columns;
+  /* Writes forces (3) and, unless NULL, the jacobian (3 x columns) of one row. */
+  void (*evaluate)(const void *self, const double *x, double *forces, double *jacobian);
+  /* Name of the first column that is not finite or out of the function's domain, or NULL. */
+  const char *(*refuses)(const void *self, const double *x);
+  /* Writes the same of one track (0 left, 1 right); NULL where the tracks are not known apart. */
+  void (*evaluate_track)(const void *self, const double *x, int side, double *forces, double *jacobian);
+  /* Evaluates a block, each track from its own rows (right may be left itself), with slopes or without. A lane whose
+   * row is not finite gives NaN there and leaves the others alone. NULL where rows are taken one by one. */
+  void (*evaluate_block)(const void *self, const grouser_block_rows *left, const grouser_block_rows *right,
+                         int want_slopes, grouser_block_forces *out);
+  /* Writes the forces (rows x 3) of many rows; NULL where that is no faster than one by one. */
+  void (*evaluate_rows)(const void *self, const double *x, ptrdiff_t rows, double *forces);
+} grouser_kernel;
+
+#endif
