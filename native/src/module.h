@@ -5,6 +5,9 @@
 #include <Python.h>
 
 #include "grouser/dense.h"
+#include "grouser/detector.h"
+#include "grouser/ground.h"
+#include "grouser/kernel.h"
 #include "grouser/physics.h"
 #include "level.h"
 
@@ -31,24 +34,24 @@ typedef struct {
 /* Methods of such objects: forces(x, forces), forces_and_jacobian(x, forces, jacobian), track_forces(x_left, x_right,
  * track_forces[, jacobian]) and bind(x, forces[, jacobian]) -> step; the attribute `kernel`. */
 #define GROUSER_KERNEL_METHODS                                                                                         \
-  {"forces", (PyCFunction)(void (*)(void))grouser_kernel_forces, METH_FASTCALL,                                        \
+  {"forces", (PyCFunction)(void (*)(void))grouser_object_forces, METH_FASTCALL,                                        \
    "forces(x, forces): write [Qx, Qy, Mz] of every row."},                                                             \
-      {"forces_and_jacobian", (PyCFunction)(void (*)(void))grouser_kernel_forces_and_jacobian, METH_FASTCALL,          \
+      {"forces_and_jacobian", (PyCFunction)(void (*)(void))grouser_object_forces_and_jacobian, METH_FASTCALL,          \
        "forces_and_jacobian(x, forces, jacobian): write forces and their derivatives by every column."},               \
-      {"bind", (PyCFunction)(void (*)(void))grouser_kernel_bind, METH_FASTCALL,                                        \
+      {"bind", (PyCFunction)(void (*)(void))grouser_object_bind, METH_FASTCALL,                                        \
        "bind(x, forces[, jacobian]): return step(), which evaluates the rows held in these arrays into them."},       \
-      {"time_calls", (PyCFunction)(void (*)(void))grouser_kernel_time_calls, METH_FASTCALL,                            \
+      {"time_calls", (PyCFunction)(void (*)(void))grouser_object_time_calls, METH_FASTCALL,                            \
        "time_calls(x, calls, want_jacobian): return ns a call, one row after another, each waiting for the last."}
 #define GROUSER_TRACK_METHODS                                                                                          \
-  {"track_forces", (PyCFunction)(void (*)(void))grouser_kernel_track_forces, METH_FASTCALL,                            \
+  {"track_forces", (PyCFunction)(void (*)(void))grouser_object_track_forces, METH_FASTCALL,                            \
    "track_forces(x_left, x_right, track_forces[, jacobian]): write [Fx, Fy, M] of each track, and its derivatives by\n" \
    "every column of its own input."}
-PyObject *grouser_kernel_forces(PyObject *self, PyObject *const *arguments, Py_ssize_t count);
-PyObject *grouser_kernel_forces_and_jacobian(PyObject *self, PyObject *const *arguments, Py_ssize_t count);
-PyObject *grouser_kernel_track_forces(PyObject *self, PyObject *const *arguments, Py_ssize_t count);
-PyObject *grouser_kernel_bind(PyObject *self, PyObject *const *arguments, Py_ssize_t count);
-PyObject *grouser_kernel_time_calls(PyObject *self, PyObject *const *arguments, Py_ssize_t count);
-PyObject *grouser_kernel_capsule(PyObject *self, void *unused);
+PyObject *grouser_object_forces(PyObject *self, PyObject *const *arguments, Py_ssize_t count);
+PyObject *grouser_object_forces_and_jacobian(PyObject *self, PyObject *const *arguments, Py_ssize_t count);
+PyObject *grouser_object_track_forces(PyObject *self, PyObject *const *arguments, Py_ssize_t count);
+PyObject *grouser_object_bind(PyObject *self, PyObject *const *arguments, Py_ssize_t count);
+PyObject *grouser_object_time_calls(PyObject *self, PyObject *const *arguments, Py_ssize_t count);
+PyObject *grouser_object_capsule(PyObject *self, void *unused);
 int grouser_add_bound_type(PyObject *module);
 
 /* The level that the kernels run at: the best that the processor has, or the one that GROUSER_CPU names. */
@@ -73,8 +76,17 @@ void *grouser_read_dense(int activation, PyObject *widths, PyObject *parameters,
 /* Checks and copies the fields of a block; -1 and an error raised if one is out of range. */
 int grouser_read_block(int mode, int contact, int path, grouser_physics *block);
 
+#define GROUSER_DETECTOR_CAPSULE "grouser.detector"
+#define GROUSER_FIELD_CAPSULE "grouser.field"
+
+/* What the capsule in an object's attribute points to, valid as long as the object; or NULL and an error raised. */
+const void *grouser_pointer_of(PyObject *object, const char *attribute, const char *capsule);
+
 int grouser_add_physics_type(PyObject *module);
 int grouser_add_mlp_type(PyObject *module);
 int grouser_add_track_net_type(PyObject *module);
+int grouser_add_detector_type(PyObject *module);
+int grouser_add_field_type(PyObject *module);
+int grouser_add_fleet_type(PyObject *module);
 
 #endif

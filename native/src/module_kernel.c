@@ -2,6 +2,14 @@
 
 #include "module.h"
 
+const void *grouser_pointer_of(PyObject *object, const char *attribute, const char *capsule_name) {
+  PyObject *capsule = PyObject_GetAttrString(object, attribute);
+  if (!capsule) return NULL;
+  const void *pointer = PyCapsule_GetPointer(capsule, capsule_name);
+  Py_DECREF(capsule);
+  return pointer;
+}
+
 int grouser_same_rows(const grouser_array *a, const grouser_array *b, const char *what) {
   if (a->rows == b->rows) return 1;
   PyErr_Format(PyExc_ValueError, "%s must have as many rows as the input: %zd, got %zd", what, a->rows, b->rows);
@@ -68,11 +76,11 @@ static int takes(Py_ssize_t count, Py_ssize_t least, Py_ssize_t most, const char
   return 0;
 }
 
-PyObject *grouser_kernel_forces(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
+PyObject *grouser_object_forces(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
   return takes(count, 2, 2, "forces") ? call(kernel_of(self), arguments, 0) : NULL;
 }
 
-PyObject *grouser_kernel_forces_and_jacobian(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
+PyObject *grouser_object_forces_and_jacobian(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
   return takes(count, 3, 3, "forces_and_jacobian") ? call(kernel_of(self), arguments, 1) : NULL;
 }
 
@@ -87,7 +95,7 @@ static void evaluate_tracks(const grouser_kernel *kernel, const grouser_array *l
                              jacobian ? jacobian + (2 * row + side) * entries : NULL);
 }
 
-PyObject *grouser_kernel_track_forces(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
+PyObject *grouser_object_track_forces(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
   const grouser_kernel *kernel = kernel_of(self);
   PyObject *result = NULL;
   grouser_array left, right, tracks, jacobian = {.data = NULL};
@@ -123,7 +131,7 @@ release_left:
   return result;
 }
 
-PyObject *grouser_kernel_capsule(PyObject *self, void *unused) {
+PyObject *grouser_object_capsule(PyObject *self, void *unused) {
   (void)unused;
   return PyCapsule_New((void *)kernel_of(self), GROUSER_KERNEL_CAPSULE, NULL);
 }
@@ -174,7 +182,7 @@ int grouser_add_bound_type(PyObject *module) {
   return status;
 }
 
-PyObject *grouser_kernel_bind(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
+PyObject *grouser_object_bind(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
   if (!takes(count, 2, 3, "bind")) return NULL;
   const grouser_kernel *kernel = kernel_of(self);
   PyObject *module = PyType_GetModule(Py_TYPE(self));

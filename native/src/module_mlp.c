@@ -59,7 +59,7 @@ static void mlp_dealloc(PyObject *self) {
 static PyMethodDef mlp_methods[] = {GROUSER_KERNEL_METHODS, {NULL, NULL, 0, NULL}};
 
 static PyGetSetDef mlp_attributes[] = {
-    {"kernel", grouser_kernel_capsule, NULL, "The kernel as a capsule, for other compiled code.", NULL},
+    {"kernel", grouser_object_capsule, NULL, "The kernel as a capsule, for other compiled code.", NULL},
     {NULL, NULL, NULL, NULL, NULL}};
 
 static PyType_Slot mlp_slots[] = {{Py_tp_new, mlp_new},

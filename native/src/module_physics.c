@@ -60,7 +60,7 @@ static void physics_dealloc(PyObject *self) {
 static PyMethodDef physics_methods[] = {GROUSER_KERNEL_METHODS, GROUSER_TRACK_METHODS, {NULL, NULL, 0, NULL}};
 
 static PyGetSetDef physics_attributes[] = {
-    {"kernel", grouser_kernel_capsule, NULL, "The kernel as a capsule, for other compiled code.", NULL},
+    {"kernel", grouser_object_capsule, NULL, "The kernel as a capsule, for other compiled code.", NULL},
     {NULL, NULL, NULL, NULL, NULL}};
 
 static PyType_Slot physics_slots[] = {{Py_tp_new, physics_new},

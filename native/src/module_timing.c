@@ -10,7 +10,7 @@ static double now_ns(void) {
 }
 
 /* Every call takes a little of the last one's force into its row, so that none can begin before the last has ended. */
-PyObject *grouser_kernel_time_calls(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
+PyObject *grouser_object_time_calls(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
   const grouser_kernel *kernel = &((grouser_kernel_object *)self)->kernel;
   if (count != 3) {
     PyErr_SetString(PyExc_TypeError, "time_calls takes rows, a number of calls and whether to want the jacobian");

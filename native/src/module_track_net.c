@@ -80,7 +80,7 @@ static void track_net_dealloc(PyObject *self) {
 static PyMethodDef track_net_methods[] = {GROUSER_KERNEL_METHODS, GROUSER_TRACK_METHODS, {NULL, NULL, 0, NULL}};
 
 static PyGetSetDef track_net_attributes[] = {
-    {"kernel", grouser_kernel_capsule, NULL, "The kernel as a capsule, for other compiled code.", NULL},
+    {"kernel", grouser_object_capsule, NULL, "The kernel as a capsule, for other compiled code.", NULL},
     {NULL, NULL, NULL, NULL, NULL}};
 
 static PyType_Slot track_net_slots[] = {{Py_tp_new, track_net_new},
