@@ -45,13 +45,13 @@ static inline grouser_slip grouser_slip_of(double vx, double vy, double yaw_rate
   return s;
 }
 
-/* phi1(z) = (1 - exp(-z))/z from rise = exp(-z) - 1, and its slope. */
-static inline double grouser_shear_factor(double z, double rise) { return z > 0 ? -rise / (z > 0 ? z : 1.0) : 1.0; }
+/* phi1(z) = (1 - exp(-z))/z from rise = exp(-z) - 1 and 1/z, and its slope. */
+static inline double grouser_shear_factor(double z, double rise, double inverse) { return z > 0 ? -rise * inverse : 1.0; }
 
-static inline double grouser_shear_factor_slope(double z, double rise, double factor) {
+static inline double grouser_shear_factor_slope(double z, double rise, double factor, double inverse) {
   /* (exp(-z) - phi1)/z loses its digits below, where the series has them. */
   const double series = -0.5 + z * (1.0 / 3 - z * (0.125 - z / 30));
-  return z < 1e-3 ? series : (1.0 + rise - factor) / (z < 1e-3 ? 1.0 : z);
+  return z < 1e-3 ? series : (1.0 + rise - factor) * inverse;
 }
 
 static inline grouser_shear_point grouser_shear_at(const grouser_slip s, const grouser_part p) {
@@ -59,7 +59,7 @@ static inline grouser_shear_point grouser_shear_at(const grouser_slip s, const g
   const double spread_by_yaw = p.width_square * s.yaw_rate - p.half_tread * s.along;
   const double rear = s.across + p.rear * s.yaw_rate, front = s.across + p.front * s.yaw_rate;
   const double rear_size = sqrt(spread + rear * rear), front_size = sqrt(spread + front * front);
-  const double by_rear = 0.5 / rear_size, by_front = 0.5 / front_size;
+  const double by_both = 0.5 / (rear_size * front_size), by_rear = by_both * front_size, by_front = by_both * rear_size;
   const double size = 0.5 * (rear_size + front_size);
   const double size_by_vx = s.along * (by_rear + by_front), size_by_vy = rear * by_rear + front * by_front;
   const double size_by_yaw = (spread_by_yaw + rear * (p.center + p.rear)) * by_rear +
@@ -73,8 +73,9 @@ static inline grouser_shear_point grouser_shear_at(const grouser_slip s, const g
   const double z_by_vx = size_by_vx * travelled, z_by_vy = size_by_vy * travelled, z_by_yaw = size_by_yaw * travelled;
   const double z_by_belt = size * travelled_by_belt - z_by_vx, z_by_modulus = -z / s.modulus;
 
-  const double rise = expm1_negative(z), decay = 1.0 + rise;
-  const double factor = grouser_shear_factor(z, rise), factor_slope = grouser_shear_factor_slope(z, rise, factor);
+  const double rise = expm1_negative(z), decay = 1.0 + rise, inverse = 1.0 / (z > 0 ? z : 1.0);
+  const double factor = grouser_shear_factor(z, rise, inverse);
+  const double factor_slope = grouser_shear_factor_slope(z, rise, factor, inverse);
   const double gain = travelled * factor, gain_by_z = travelled * factor_slope;
   const double gain_by_belt = travelled_by_belt * factor + gain_by_z * z_by_belt;
   const double gain_by_modulus = -gain / s.modulus + gain_by_z * z_by_modulus;
