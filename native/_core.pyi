@@ -87,6 +87,9 @@ class TrackNet(_TrackKernel):
         moment: _Array,
     ) -> Self: ...
 
+class Gated(_Kernel):
+    def __new__(cls, *, primary: _HasKernel, fallback: _HasKernel, detector: Detector) -> Self: ...
+
 class Detector:
     def __new__(
         cls, *, columns: int, low: _Array, high: _Array, center: _Array, whitening: _Array, threshold: float

@@ -10,6 +10,8 @@
 #include "mlp.c"
 #include "track_net.c"
 #include "track_net_block.c"
+#include "detector.c"
+#include "gated.c"
 
 #include "level.h"
 
@@ -103,5 +105,20 @@ static grouser_kernel track_net_kernel(grouser_track_net *net) {
   return kernel;
 }
 
+static void gated_evaluate(const void *gated, const double *x, double *forces, double *jacobian) {
+  grouser_gated_forces((const grouser_gated *)gated, x, forces, jacobian);
+}
+
+static const char *gated_refuses(const void *self, const double *x) {
+  const grouser_kernel *fallback = &((const grouser_gated *)self)->fallback;
+  return fallback->refuses(fallback->self, x);
+}
+
+static grouser_kernel gated_kernel(const grouser_gated *gated) {
+  const grouser_kernel kernel = {gated, gated->fallback.columns, gated_evaluate, gated_refuses, NULL, NULL, NULL};
+  return kernel;
+}
+
 extern const grouser_level GROUSER_LEVEL_TABLE;
-const grouser_level GROUSER_LEVEL_TABLE = {GROUSER_LEVEL_NAME, physics_kernel, mlp_kernel, track_net_kernel};
+const grouser_level GROUSER_LEVEL_TABLE = {GROUSER_LEVEL_NAME, physics_kernel, mlp_kernel, gated_kernel,
+                                                  track_net_kernel};

@@ -2,6 +2,7 @@
 #ifndef GROUSER_LEVEL_H
 #define GROUSER_LEVEL_H
 
+#include "grouser/gated.h"
 #include "grouser/kernel.h"
 #include "grouser/mlp.h"
 #include "grouser/physics.h"
@@ -12,6 +13,7 @@ typedef struct {
   /* Each points a kernel at a block, which must outlive it; networks are made ready, too. */
   grouser_kernel (*physics)(const grouser_physics *block);
   grouser_kernel (*mlp)(grouser_mlp *net);
+  grouser_kernel (*gated)(const grouser_gated *gated);
   grouser_kernel (*track_net)(grouser_track_net *net);
 } grouser_level;
 

@@ -85,6 +85,7 @@ const void *grouser_pointer_of(PyObject *object, const char *attribute, const ch
 int grouser_add_physics_type(PyObject *module);
 int grouser_add_mlp_type(PyObject *module);
 int grouser_add_track_net_type(PyObject *module);
+int grouser_add_gated_type(PyObject *module);
 int grouser_add_detector_type(PyObject *module);
 int grouser_add_field_type(PyObject *module);
 int grouser_add_fleet_type(PyObject *module);
