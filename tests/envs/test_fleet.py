@@ -346,7 +346,7 @@ def test_ground_that_nobody_drives_on_any_more_is_let_go() -> None:
     assert former() is None
     assert len(fleet._fields) == 2
     fleet.advance(np.full((2, 2), 4.0), 5)
-    assert fleet.record.row[:, 7].tolist() == [SLICK.mu, ASPHALT.mu]
+    assert fleet.record.row[:, 7].tolist() == [SLICK.parameters[0], ASPHALT.parameters[0]]
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="only where processes fork")
