@@ -30,7 +30,7 @@ void grouser_mlp_block(const grouser_mlp *net, const grouser_block_rows *rows, i
   float in[GROUSER_MAX_COLUMNS * GROUSER_DUAL], result[GROUSER_PANEL * GROUSER_DUAL];
   float scratch[2 * GROUSER_MAX_WIDTH * GROUSER_DUAL];
   const int inputs = net->dense.widths[0];
-  const size_t stride = want_slopes ? GROUSER_DUAL : GROUSER_BLOCK;
+  const size_t stride = want_slopes ? (size_t)GROUSER_DUAL : (size_t)GROUSER_BLOCK;
   for (int i = 0; i < inputs; i++) {
     const double mean = net->input_mean[i], gain = net->input_gain[i];
     float *row = in + (size_t)i * stride;

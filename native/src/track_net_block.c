@@ -189,12 +189,13 @@ GROUSER_INLINE void add_track(const grouser_track_net *net, const grouser_block_
   }
   for (int n = 0; n < GROUSER_OUTPUTS; n++)
     for (int p = 0; p < parts; p++) {
-      const lane_row *points = p == 0 ? (n == 0 ? shear->x : shear->y) : (n == 0 ? shear->x_by[p - 1] : shear->y_by[p - 1]);
-      const lane_row *by = n == 2 ? moment : weight;
+      const double *points = p == 0 ? (n == 0 ? shear->x[0] : shear->y[0])
+                                    : (n == 0 ? shear->x_by[p - 1][0] : shear->y_by[p - 1][0]);
+      const double *by = n == 2 ? moment[0] : weight[0];
       for (int l = 0; l < LANES; l++) {
         double value = shear->gate[l] * sum[n][p][l];
         if (p > 0) value += shear->gate_by[p - 1][l] * sum[n][0][l];
-        for (int j = 0; j < GROUSER_POINTS; j++) value += by[j][l] * points[j][l];
+        for (int j = 0; j < GROUSER_POINTS; j++) value += by[j * LANES + l] * points[j * LANES + l];
         force[n][p][l] = value;
       }
     }
@@ -219,7 +220,7 @@ GROUSER_INLINE void track_net_block(const grouser_track_net *net, const grouser_
   block_load load;
   float in[GROUSER_FEATURES * GROUSER_DUAL], result[BLOCK_SIDES * GROUSER_MAX_UNITS * GROUSER_DUAL];
   float scratch[2 * GROUSER_MAX_WIDTH * GROUSER_DUAL];
-  const size_t stride = want_slopes ? GROUSER_DUAL : BLOCK_SIDES * LANES;
+  const size_t stride = want_slopes ? (size_t)GROUSER_DUAL : (size_t)(BLOCK_SIDES * LANES);
   memset(out, 0, sizeof *out);
   for (int k = 0; k < BLOCK_SIDES; k++) {
     float *to = want_slopes ? in : in + k * LANES;
