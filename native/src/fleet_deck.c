@@ -1,10 +1,8 @@
-#include "deck.h"
+#include "fleet_deck.h"
 
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
-
-#include "cpu.h"
 
 static grouser_body body_in(const grouser_deck *deck, int l) {
   const grouser_body body = {deck->left.column[GROUSER_VX][l], deck->left.column[GROUSER_VY][l],
@@ -67,7 +65,6 @@ static void evaluate_lanes(grouser_deck *deck, int split) {
 }
 
 /* Residual and Newton direction of every lane, and the forces under its load. */
-GROUSER_CLONES
 static void newton_step(grouser_deck *deck, const grouser_vehicle *vehicle, double gain) {
   for (int l = 0; l < GROUSER_BLOCK; l++) {
     const double ratio = deck->load_ratio[l];

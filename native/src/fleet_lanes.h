@@ -1,6 +1,6 @@
 /* How the vehicles of a fleet are read and written. */
-#ifndef GROUSER_LANES_H
-#define GROUSER_LANES_H
+#ifndef GROUSER_FLEET_LANES_H
+#define GROUSER_FLEET_LANES_H
 
 #include "grouser/fleet.h"
 
