@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "deck.h"
+#include "fleet_deck.h"
 
 enum { PRIMARY_DECK, FALLBACK_DECK, DECKS, ALONE = DECKS };
 

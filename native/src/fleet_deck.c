@@ -1,9 +1,8 @@
-#include "deck.h"
+#include "fleet_deck.h"
 
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
-
 
 static grouser_body body_in(const grouser_deck *deck, int l) {
   const grouser_body body = {deck->left.column[GROUSER_VX][l], deck->left.column[GROUSER_VY][l],
