@@ -211,7 +211,7 @@ def test_arrays_that_cannot_be_bound_are_refused(name: str) -> None:
         (x, np.empty((4, 3)), None, None),
     ):
         with pytest.raises((InvalidInputError, TypeError)):
-            backend.bind(*arrays)  # type: ignore[arg-type]
+            backend.bind(*arrays)
 
 
 @every_backend
