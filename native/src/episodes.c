@@ -9,7 +9,9 @@ static double state_of(const grouser_fleet *fleet, int row, int vehicle) {
   return fleet->state[(size_t)row * (size_t)fleet->vehicles + (size_t)vehicle];
 }
 
-static void *memory_of(const grouser_episodes *e, int vehicle) { return e->memory + e->rules->memory * (size_t)vehicle; }
+static void *memory_of(const grouser_episodes *e, int vehicle) {
+  return (unsigned char *)e->memory + e->rules->memory * (size_t)vehicle;
+}
 
 static double time_of(const grouser_episodes *e, int vehicle) {
   return (double)e->periods[vehicle] * e->task->control_period;
@@ -51,7 +53,7 @@ static double slip_power(const grouser_episodes *e, int vehicle) {
   const grouser_fleet *fleet = e->fleet;
   const double *pose = e->poses + 3 * (size_t)vehicle;
   double left[GROUSER_MAX_COLUMNS], right[GROUSER_MAX_COLUMNS];
-  const int columns = grouser_columns(e->slip_block->mode);
+  const int columns = e->slip_block->columns;
   for (int n = 0; n < columns; n++)
     left[n] = fleet->record[(size_t)(GROUSER_RECORD_ROW + n) * (size_t)fleet->vehicles + (size_t)vehicle];
   memcpy(right, left, sizeof(double) * (size_t)columns);

@@ -5,26 +5,33 @@
 static const double PI = 3.14159265358979323846;
 static const double WINDOW = 5.0; /* m: what Path.project searches around a former foot */
 
-void grouser_tracking_follow(const grouser_tracking *tracking, grouser_tracking_memory *memory,
-                             const grouser_sight *sight) {
-  memory->foot = grouser_path_project(&tracking->path, sight->x, sight->y, memory->foot.arc_length, WINDOW);
+static void follow(const void *self, void *memory, const grouser_sight *sight) {
+  const grouser_tracking *tracking = (const grouser_tracking *)self;
+  grouser_foot *foot = &((grouser_tracking_memory *)memory)->foot;
+  *foot = grouser_path_project(&tracking->path, sight->x, sight->y, foot->arc_length, WINDOW);
 }
 
-int grouser_tracking_assess(const grouser_tracking *tracking, grouser_tracking_memory *memory,
-                            const grouser_sight *sight, double terms[2]) {
-  const double before = memory->foot.arc_length;
-  grouser_tracking_follow(tracking, memory, sight);
-  const double s = memory->foot.arc_length, cross_track = memory->foot.cross_track;
+/* Terms of progress and cross-track error. */
+static int assess(const void *self, void *memory, double time, const grouser_sight *sight, double terms[2]) {
+  (void)time;
+  const grouser_tracking *tracking = (const grouser_tracking *)self;
+  const grouser_tracking_memory *drive = (const grouser_tracking_memory *)memory;
+  const double before = drive->foot.arc_length;
+  follow(self, memory, sight);
+  const double s = drive->foot.arc_length, cross_track = drive->foot.cross_track;
   const double progress = (s - before) / tracking->full_progress, half = cross_track / 2.0;
   terms[0] = tracking->progress_weight * fmin(progress, 2.0 - progress);
   terms[1] = -tracking->cross_track_weight * (half * half);
-  const double driven = tracking->path.closed ? s - memory->start : s;
+  const double driven = tracking->path.closed ? s - drive->start : s;
   return driven >= tracking->path.length || fabs(cross_track) > tracking->maximum_cross_track;
 }
 
-void grouser_tracking_observe(const grouser_tracking *tracking, const grouser_tracking_memory *memory,
-                              const grouser_task *task, const grouser_sight *sight, float *observation) {
-  const grouser_foot *foot = &memory->foot;
+/* Errors, then look-ahead points in the body frame. */
+static void observe(const void *self, const void *memory, double time, const grouser_task *task,
+                    const grouser_sight *sight, float *observation) {
+  (void)time;
+  const grouser_tracking *tracking = (const grouser_tracking *)self;
+  const grouser_foot *foot = &((const grouser_tracking_memory *)memory)->foot;
   *observation++ = grouser_task_bounded(task, foot->cross_track / tracking->maximum_cross_track);
   *observation++ = grouser_task_bounded(task, remainder(sight->heading - foot->point.heading, 2 * PI) / PI);
   const double cosine = cos(sight->heading), sine = sin(sight->heading);
@@ -37,7 +44,17 @@ void grouser_tracking_observe(const grouser_tracking *tracking, const grouser_tr
   }
 }
 
-void grouser_tracking_measure(const grouser_tracking_memory *memory, double measures[GROUSER_TASK_MEASURES]) {
-  measures[0] = memory->foot.cross_track;
-  measures[1] = memory->foot.arc_length - memory->start;
+/* Cross-track error and progress in m. */
+static void measure(const void *self, const void *memory, double time, const grouser_sight *sight,
+                    double measures[GROUSER_TASK_MEASURES]) {
+  (void)self;
+  (void)time;
+  (void)sight;
+  const grouser_tracking_memory *drive = (const grouser_tracking_memory *)memory;
+  measures[0] = drive->foot.cross_track;
+  measures[1] = drive->foot.arc_length - drive->start;
+}
+
+grouser_rules grouser_tracking_rules(const grouser_tracking *tracking) {
+  return (grouser_rules){tracking, sizeof(grouser_tracking_memory), follow, assess, observe, measure};
 }

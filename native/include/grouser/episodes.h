@@ -12,7 +12,7 @@
 /* What a task adds to what all share. `memory` is what it remembers of one episode; `time` in s is since its start. */
 typedef struct {
   const void *self;
-  size_t memory; /* bytes an episode */
+  size_t memory; /* bytes an episode, whole doubles */
   void (*follow)(const void *self, void *memory, const grouser_sight *sight);
   /* Follows, writes two terms of the reward, and returns whether the episode ends. */
   int (*assess)(const void *self, void *memory, double time, const grouser_sight *sight, double terms[2]);
@@ -26,7 +26,7 @@ typedef struct {
   const grouser_fleet *fleet;
   const grouser_task *task;
   const grouser_rules *rules;
-  const grouser_physics *slip_block;
+  const grouser_kernel *slip_block; /* that knows the tracks apart */
   int ticks;                 /* in a control period */
   /* A row a vehicle, in and out. */
   const double *actions;     /* 2, in [-1, 1] */
@@ -37,7 +37,7 @@ typedef struct {
   double *measures;          /* GROUSER_TASK_MEASURES */
   unsigned char *terminated, *truncated;
   /* A row a vehicle, kept from step to step. */
-  unsigned char *memory;     /* rules->memory */
+  double *memory;            /* rules->memory bytes */
   int64_t *periods;          /* control periods since the episode began */
   double *previous;          /* 2, the action before */
   double *parameters;        /* GROUSER_MAX_PARAMETERS, as last observed */

@@ -2,7 +2,7 @@
 #ifndef GROUSER_SPEED_H
 #define GROUSER_SPEED_H
 
-#include "task.h"
+#include "episodes.h"
 
 enum { GROUSER_PREVIEW = 5 };
 
@@ -22,16 +22,7 @@ typedef struct {
 /* The profile's reference at a time in s: smooth from knot to knot, and the last knot for good. */
 grouser_twist grouser_speed_reference(const grouser_speed *speed, const grouser_twist *profile, double time);
 
-/* Writes the terms of speed and yaw rate. */
-void grouser_speed_assess(const grouser_speed *speed, const grouser_twist *profile, double time,
-                          const grouser_sight *sight, double terms[2]);
-
-/* Writes errors and preview: GROUSER_SEEN_TASK numbers. */
-void grouser_speed_observe(const grouser_speed *speed, const grouser_twist *profile, double time,
-                           const grouser_task *task, const grouser_sight *sight, float *observation);
-
-/* Errors of speed and yaw rate, in m/s and rad/s. */
-void grouser_speed_measure(const grouser_speed *speed, const grouser_twist *profile, double time,
-                           const grouser_sight *sight, double measures[GROUSER_TASK_MEASURES]);
+/* The task as episodes take it. An episode's memory is its profile, set at its start. */
+grouser_rules grouser_speed_rules(const grouser_speed *speed);
 
 #endif

@@ -4,7 +4,7 @@
 #define GROUSER_TASK_H
 
 #include "ground.h"
-#include "physics.h"
+#include "kernel.h"
 
 enum {
   GROUSER_TASK_TERMS = 4,       /* of the reward: two of the task, then action change and slip power */
@@ -41,7 +41,7 @@ void grouser_task_command(const grouser_task *task, const double action[2], doub
 
 /* VtL FL + VtR FR - (Qx Vx + Qy Vy + Mz yaw rate) of the shear forces in W, for the interface rows that both tracks
  * received in a tick and the share of the weight that pressed on the ground. */
-double grouser_slip_power(const grouser_physics *block, const double *left, const double *right, double load_ratio);
+double grouser_slip_power(const grouser_kernel *block, const double *left, const double *right, double load_ratio);
 
 /* Writes what is not the task's own into an observation: GROUSER_SEEN_MOTION first, and after the task's part the
  * action and the terrain. */

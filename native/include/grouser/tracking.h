@@ -2,8 +2,8 @@
 #ifndef GROUSER_TRACKING_H
 #define GROUSER_TRACKING_H
 
+#include "episodes.h"
 #include "path.h"
-#include "task.h"
 
 enum { GROUSER_LOOK_AHEAD = 5 };
 
@@ -22,19 +22,7 @@ typedef struct {
   grouser_foot foot;
 } grouser_tracking_memory;
 
-/* Moves the foot after the vehicle. */
-void grouser_tracking_follow(const grouser_tracking *tracking, grouser_tracking_memory *memory,
-                             const grouser_sight *sight);
-
-/* Moves the foot, writes the terms of progress and cross-track error, and returns whether the episode ends. */
-int grouser_tracking_assess(const grouser_tracking *tracking, grouser_tracking_memory *memory,
-                            const grouser_sight *sight, double terms[2]);
-
-/* Writes errors and look-ahead points: GROUSER_SEEN_TASK numbers. */
-void grouser_tracking_observe(const grouser_tracking *tracking, const grouser_tracking_memory *memory,
-                              const grouser_task *task, const grouser_sight *sight, float *observation);
-
-/* Cross-track error and progress in m. */
-void grouser_tracking_measure(const grouser_tracking_memory *memory, double measures[GROUSER_TASK_MEASURES]);
+/* The task as episodes take it. The start of an episode sets its memory. */
+grouser_rules grouser_tracking_rules(const grouser_tracking *tracking);
 
 #endif
