@@ -2,6 +2,7 @@
 
 from .corridor import Corridor, Lane
 from .driveline import advance_belts
+from .fleet import FleetRecord, VehicleFleet
 from .footing import GROUND_SAMPLINGS, Footing, GroundSampling
 from .log import STATE_NAMES, InterfaceLog, LogRecorder
 from .motion_profile import MotionProfile
@@ -25,6 +26,7 @@ __all__ = [
     "BeltCommand",
     "Corridor",
     "Driver",
+    "FleetRecord",
     "Footing",
     "GroundSampling",
     "Integrator",
@@ -43,6 +45,7 @@ __all__ = [
     "TaskConfig",
     "TickRecord",
     "TrackingConfig",
+    "VehicleFleet",
     "VehicleState",
     "advance_belts",
     "make_path",
