@@ -183,6 +183,11 @@ class VehicleFleet:
         return len(self._status)
 
     @property
+    def compiled(self) -> Fleet:
+        """The engine itself, for compiled code that advances it."""
+        return self._fleet
+
+    @property
     def diverged(self) -> NDArray[np.bool_]:
         """Whether each vehicle was lost to numbers that are not finite, or to a tick that was not solved."""
         return self._status == _DIVERGED
@@ -203,6 +208,18 @@ class VehicleFleet:
             self._record[_SCORE],
             self._guard[_WEIGHT] > 0.0,
         )
+
+    @property
+    def on_fallback(self) -> NDArray[np.bool_]:
+        """Whether the guard of each vehicle has changed over to the fallback."""
+        changed: NDArray[np.bool_] = self._guard[_MODE] > 0.0
+        return changed
+
+    @property
+    def fallback_weight(self) -> FloatArray:
+        """Share of the fallback in the forces of each vehicle: the engine's own array."""
+        weight: FloatArray = self._guard[_WEIGHT]
+        return weight
 
     def detection(self, index: int) -> Detection | None:
         """Return what the guard's detector said of a vehicle's row at its last tick's start; None without a guard."""

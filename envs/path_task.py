@@ -10,10 +10,11 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from ..native import Tracking
 from ..terrain import FloatArray, Ground, TrackedVehicle, resolve_vehicle
 from ..terrain.parameters import require_in
 from .footing import require_covered
-from .observation import path_sight, reference_speed
+from .observation import LOOK_AHEAD_TIMES, path_sight, reference_speed
 from .path import Path, Projection
 from .paths import make_path
 from .state import VehicleState
@@ -67,6 +68,11 @@ class PathTask(Task[TrackingConfig, PathEpisode]):
     def reference_speed(self) -> float:
         """Speed at which progress earns most, in m/s."""
         return self._reference_speed
+
+    @property
+    def memory_size(self) -> int:
+        """Start and foot."""
+        return 7
 
     @property
     def broken_off_reward(self) -> float:
@@ -131,6 +137,29 @@ class PathTask(Task[TrackingConfig, PathEpisode]):
     def show(self, episode: PathEpisode, state: VehicleState) -> FloatArray:
         """Return errors and look-ahead points."""
         return path_sight(state, episode.foot, vehicle=self.vehicle, path=self.path, config=self.config)
+
+    def rules(self) -> Tracking:
+        """Return the path and the weights."""
+        path, config = self.path, self.config
+        nodes = [path.x, path.y, path.heading, path.curvature, np.cos(path.heading), np.sin(path.heading)]
+        return Tracking(
+            nodes=np.column_stack(nodes),
+            length=path.length,
+            closed=path.closed,
+            reference_speed=self.reference_speed,
+            control_period=config.control_period,
+            maximum_cross_track=config.maximum_cross_track,
+            progress_weight=config.progress_weight,
+            cross_track_weight=config.cross_track_weight,
+            look_ahead=np.array(LOOK_AHEAD_TIMES),
+        )
+
+    def remember(self, episode: PathEpisode) -> FloatArray:
+        """Return start and foot, shape (7,)."""
+        foot = episode.foot
+        return np.array(
+            [episode.start, foot.arc_length, foot.cross_track, foot.x, foot.y, foot.heading, foot.curvature]
+        )
 
     def measure(self, episode: PathEpisode, state: VehicleState) -> tuple[float, float]:
         """Return cross-track error and progress, in m."""

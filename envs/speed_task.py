@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from ..native import Speed
 from ..terrain import GRAVITY, FloatArray, Ground, InvalidInputError, TrackedVehicle
 from ..terrain.parameters import require_in
 from .motion_profile import MotionProfile
@@ -75,6 +76,11 @@ class SpeedTask(Task[SpeedConfig, SpeedEpisode]):
     def reference_speed(self) -> float:
         """Half the training speed, in m/s."""
         return self.vehicle.training_speed / 2
+
+    @property
+    def memory_size(self) -> int:
+        """Speed and yaw rate of every knot."""
+        return 2 * self.knots
 
     @property
     def broken_off_reward(self) -> float:
@@ -154,6 +160,24 @@ class SpeedTask(Task[SpeedConfig, SpeedEpisode]):
             speed, yaw_rate = episode.profile.at(self._time(episode) + ahead)
             shown += [speed / speed_scale, yaw_rate / yaw_rate_scale]
         return np.array(shown)
+
+    def rules(self) -> Speed:
+        """Return the profile's times, the tolerances and the weights."""
+        config = self.config
+        return Speed(
+            knots=self.knots,
+            segment_time=config.segment_time,
+            ramp_time=config.ramp_time,
+            speed_weight=config.speed_weight,
+            yaw_rate_weight=config.yaw_rate_weight,
+            speed_tolerance=self.speed_tolerance,
+            yaw_rate_tolerance=self.yaw_rate_tolerance,
+            look_ahead=np.array(LOOK_AHEAD_TIMES),
+        )
+
+    def remember(self, episode: SpeedEpisode) -> FloatArray:
+        """Return speed and yaw rate of every knot, shape (2 knots,)."""
+        return episode.profile.knots().ravel()
 
     def measure(self, episode: SpeedEpisode, state: VehicleState) -> tuple[float, float]:
         """Return the errors of speed in m/s and yaw rate in rad/s: actual less commanded."""

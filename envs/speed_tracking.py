@@ -10,7 +10,7 @@ from ..terrain import ForceBackend, Ground, TrackedVehicle
 from .rendering import RenderMode
 from .speed_config import SpeedConfig, speed_config
 from .speed_task import SpeedEpisode, SpeedTask
-from .tracked_env import TrackedVehicleEnv
+from .tracked_env import Engine, TrackedVehicleEnv
 
 
 class SpeedTrackingEnv(TrackedVehicleEnv[SpeedConfig, SpeedEpisode]):
@@ -79,6 +79,9 @@ class SpeedTrackingEnv(TrackedVehicleEnv[SpeedConfig, SpeedEpisode]):
         How :meth:`render` shows the vehicle.
     backend_options : mapping, optional
         For :func:`grouser.terrain.make_backend`, such as ``{"artifact": "mine.safetensors"}``.
+    engine : {"compiled", "python"}, optional
+        What simulates a control period: the compiled engine, by default wherever it has the backend and the ground, or
+        the Python tick, its reference.
     **settings
         Fields of :class:`SpeedConfig`.
 
@@ -102,7 +105,8 @@ class SpeedTrackingEnv(TrackedVehicleEnv[SpeedConfig, SpeedEpisode]):
         *,
         render_mode: RenderMode | None = None,
         backend_options: Mapping[str, Any] | None = None,
+        engine: Engine | None = None,
         **settings: Any,
     ) -> None:
         task = SpeedTask(vehicle, terrain, speed_config(settings))
-        super().__init__(task, backend, render_mode=render_mode, backend_options=backend_options)
+        super().__init__(task, backend, render_mode=render_mode, backend_options=backend_options, engine=engine)

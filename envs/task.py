@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from ..native import Speed, Tracking
 from ..terrain import (
     ConfigurationError,
     FloatArray,
@@ -29,6 +30,9 @@ from .task_config import TaskConfig
 
 # Cells of the block that the slip power is taken from, whatever the backend: a plain network has no track forces.
 _SLIP_POWER_CELLS: Final = (2, 1)
+
+#: Terms of the reward that every task has, after its own.
+SHARED_TERMS: Final = ("action_change", "slip_power")
 
 ConfigT = TypeVar("ConfigT", bound=TaskConfig)
 EpisodeT = TypeVar("EpisodeT")
@@ -97,6 +101,16 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         """Speed in m/s that the slip power is measured by: W v_ref."""
 
     @property
+    def slip_power_scale(self) -> float:
+        """W v_ref in W."""
+        return self.vehicle.weight * self.reference_speed
+
+    @property
+    @abstractmethod
+    def memory_size(self) -> int:
+        """Numbers that the compiled engine keeps of an episode."""
+
+    @property
     @abstractmethod
     def broken_off_reward(self) -> float:
         """Reward of the step in which the simulation broke off."""
@@ -133,6 +147,14 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
     def measure(self, episode: EpisodeT, state: VehicleState) -> tuple[float, float]:
         """Return what ``measures`` names."""
 
+    @abstractmethod
+    def rules(self) -> Tracking | Speed:
+        """Return the task as the compiled engine takes it."""
+
+    @abstractmethod
+    def remember(self, episode: EpisodeT) -> FloatArray:
+        """Return what an episode remembers as the compiled engine keeps it, shape (memory_size,)."""
+
     def prepare_ground(self, terrain: str | os.PathLike[str] | Ground) -> Ground:
         """Return the ground on the configured slope."""
         ground = resolve_ground(terrain)
@@ -162,17 +184,12 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
             theta=theta,
         )
 
-    def describe(self, episode: EpisodeT, state: VehicleState) -> dict[str, Any]:
-        """Return what the task tells of a vehicle in ``info``."""
-        return dict(zip(self.measures, self.measure(episode, state), strict=True))
-
     def costs(self, action: FloatArray, previous: FloatArray, record: TickRecord) -> tuple[float, float]:
         """Return the terms of action change and slip power for the last tick of a control period."""
         change = action - previous
-        power_scale = self.vehicle.weight * self.reference_speed
         return (
             -self.config.action_change_weight * float(change @ change),
-            -self.config.slip_power_weight * self._slip_power(record) / power_scale,
+            -self.config.slip_power_weight * self._slip_power(record) / self.slip_power_scale,
         )
 
     def _slip_power(self, record: TickRecord) -> float:

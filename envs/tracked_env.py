@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
-from typing import Any, Final, Generic
+from typing import Any, Final, Generic, Literal
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from ..terrain import (
+    ConfigurationError,
     FloatArray,
     ForceBackend,
     GuardedBackend,
@@ -21,18 +22,21 @@ from ..terrain import (
     make_backend,
     unknown_name,
 )
+from .batch import Batch
 from .footing import track_forces_on
 from .observation import OBSERVATION_BOUND, Observation, belt_command
 from .path import Path
 from .rendering import Renderer, RenderMode
 from .simulator import Simulator, TickRecord
-from .task import ConfigT, EpisodeT, Task
+from .state import VehicleState
+from .task import SHARED_TERMS, ConfigT, EpisodeT, Start, Task
 
 ActionSpace = gymnasium.Space[NDArray[np.float32]]
 ObservationSpace = gymnasium.Space[Observation]
 
-#: Terms of the reward that every task has, after its own.
-SHARED_TERMS: Final = ("action_change", "slip_power")
+#: Whether control periods are simulated by the compiled engine or tick by tick in Python.
+Engine = Literal["compiled", "python"]
+ENGINES: Final[tuple[Engine, ...]] = ("compiled", "python")
 
 
 class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[ConfigT, EpisodeT]):
@@ -48,6 +52,8 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         How :meth:`render` shows the vehicle.
     backend_options : mapping, optional
         For :func:`grouser.terrain.make_backend`.
+    engine : {"compiled", "python"}, optional
+        What simulates a control period; by default the compiled engine, wherever it has the backend and the ground.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as Gymnasium declares it
@@ -62,13 +68,20 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         *,
         render_mode: RenderMode | None,
         backend_options: Mapping[str, Any] | None,
+        engine: Engine | None,
     ) -> None:
+        if engine is not None and engine not in ENGINES:
+            raise unknown_name("engine", engine, ENGINES)
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
         self.task: Final = task
         self.config: Final = task.config
         self.vehicle: Final = task.vehicle
         self.simulator: Final = make_simulator(task, backend, backend_options)
+        self._engine = engine
+        self._batch = None if engine == "python" else self._compile()
+        self._in_batch = False
+        self._shown_state: VehicleState | None = None
         self.render_mode = render_mode
         # Gymnasium widens render_mode to any string.
         self._draw_mode = render_mode
@@ -79,6 +92,15 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         self._step_count = 0
         self._begun: EpisodeT | None = None
         self._theta: FloatArray | None = None
+
+    def _compile(self) -> Batch[ConfigT, EpisodeT] | None:
+        """Return the compiled engine of this one vehicle, where there is one."""
+        try:
+            return Batch(self.task, self.simulator.backend, 1)
+        except ConfigurationError:
+            if self._engine == "compiled":
+                raise
+            return None
 
     @property
     def _episode(self) -> EpisodeT:
@@ -100,8 +122,9 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         """
         super().reset(seed=seed)
         start = self.task.start(self.np_random, options or {})
+        self._in_batch = self._begin_in_batch(start)
         self.simulator.set_ground(start.ground)
-        self.simulator.set_state(start.state)
+        self._show(start.state)
         self._begun = start.episode
         self._step_count = 0
         self._action = np.zeros(2)
@@ -109,7 +132,24 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
             self._renderer.reset()
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self.task.describe(self._episode, start.state)
+        return self._observation(), self._measures(start.state)
+
+    def _begin_in_batch(self, start: Start[EpisodeT]) -> bool:
+        """Begin an episode in the compiled engine, unless there is none or it does not have the ground."""
+        if self._batch is None:
+            return False
+        try:
+            self._batch.begin(0, start)
+        except ConfigurationError:
+            if self._engine == "compiled":
+                raise
+            return False
+        return True
+
+    def _show(self, state: VehicleState) -> None:
+        """Let the simulator have the engine's state."""
+        self._shown_state = state
+        self.simulator.set_state(state)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action for one control period.
@@ -122,23 +162,51 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         checked = np.asarray(action, dtype=np.float64)
         if checked.shape != (2,) or not np.all(np.abs(checked) <= 1.0):
             raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
-        command = belt_command(checked, self.vehicle, self.config)
+        episode = self._episode
+        outcome = self._step_in_batch(checked) if self._in_batch else self._step_in_python(checked, episode)
+        if self.render_mode == "human":
+            self.render()
+        return outcome
+
+    def _step_in_batch(self, action: FloatArray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        batch = self._batch
+        if batch is None:
+            raise gymnasium.error.ResetNeeded("call reset() before step()")
+        fleet, simulator = batch.fleet, self.simulator
+        if simulator.get_state() is not self._shown_state:
+            fleet.set_state(0, simulator.get_state())
+        if simulator.ground is not fleet.ground(0):
+            fleet.set_ground(0, simulator.ground)
+        batch.step(action[None])
+        state = fleet.get_state(0)
+        self._show(state)
+        info = self._measures(state)
+        if fleet.diverged[0] or fleet.off_map[0]:
+            info |= {"diverged" if fleet.diverged[0] else "off_map": True}
+        else:
+            terms = dict(zip(batch.term_names, batch.terms[0].tolist(), strict=True))
+            info |= force_info(simulator.backend, batch.record(0)) | {"reward_terms": terms}
+        ends = bool(batch.terminated[0]), bool(batch.truncated[0])
+        return self._observation(), float(batch.rewards[0]), *ends, info
+
+    def _step_in_python(
+        self, action: FloatArray, episode: EpisodeT
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        command = belt_command(action, self.vehicle, self.config)
         try:
             for _ in range(self.task.ticks):
                 record = self.simulator.step(command)
         except SimulationDivergedError:
-            return self._broken_off(checked, "diverged")
+            return self._broken_off(action, "diverged")
         except OffMapError:
-            return self._broken_off(checked, "off_map")
-        own, terminated = self.task.assess(self._episode, record.state)
-        costs = self.task.costs(checked, self._action, record)
+            return self._broken_off(action, "off_map")
+        own, terminated = self.task.assess(episode, record.state)
+        costs = self.task.costs(action, self._action, record)
         terms = dict(zip((*self.task.terms, *SHARED_TERMS), own + costs, strict=True))
-        self._action = checked
+        self._action = action
         self._step_count += 1
         truncated = not terminated and self._step_count >= self.task.steps
-        if self.render_mode == "human":
-            self.render()
-        info = force_info(self.simulator.backend, record) | self.task.describe(self._episode, record.state)
+        info = force_info(self.simulator.backend, record) | self._measures(record.state)
         return self._observation(), sum(terms.values()), terminated, truncated, info | {"reward_terms": terms}
 
     def _broken_off(self, action: FloatArray, why: str) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -147,7 +215,7 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         self._step_count += 1
         state = self.simulator.get_state()
         self.task.follow(self._episode, state)
-        info = {why: True} | self.task.describe(self._episode, state)
+        info = {why: True} | self._measures(state)
         return self._observation(), self.task.broken_off_reward, True, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -165,7 +233,16 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
             self._renderer.close()
             self._renderer = None
 
+    def _measures(self, state: VehicleState) -> dict[str, Any]:
+        """Return what the task tells of the vehicle."""
+        if self._in_batch and self._batch is not None:
+            return dict(zip(self.task.measures, self._batch.measures[0].tolist(), strict=True))
+        return dict(zip(self.task.measures, self.task.measure(self._episode, state), strict=True))
+
     def _observation(self) -> Observation:
+        if self._in_batch and self._batch is not None:
+            observation: Observation = self._batch.observations[0].copy()
+            return observation
         state = self.simulator.get_state()
         if self.config.observe_terrain:
             # Off the map the vehicle sees what it saw last.

@@ -10,7 +10,7 @@ from ..terrain import ForceBackend, Ground, TrackedVehicle
 from .path import Path
 from .path_task import PathEpisode, PathTask
 from .rendering import RenderMode
-from .tracked_env import TrackedVehicleEnv
+from .tracked_env import Engine, TrackedVehicleEnv
 from .tracking_config import TrackingConfig, tracking_config
 
 
@@ -79,6 +79,9 @@ class PathTrackingEnv(TrackedVehicleEnv[TrackingConfig, PathEpisode]):
         How :meth:`render` shows the vehicle.
     backend_options : mapping, optional
         For :func:`grouser.terrain.make_backend`, such as ``{"artifact": "mine.safetensors"}``.
+    engine : {"compiled", "python"}, optional
+        What simulates a control period: the compiled engine, by default wherever it has the backend and the ground, or
+        the Python tick, its reference.
     **settings
         Fields of :class:`TrackingConfig`.
 
@@ -103,12 +106,13 @@ class PathTrackingEnv(TrackedVehicleEnv[TrackingConfig, PathEpisode]):
         *,
         render_mode: RenderMode | None = None,
         backend_options: Mapping[str, Any] | None = None,
+        engine: Engine | None = None,
         **settings: Any,
     ) -> None:
         task = PathTask(vehicle, terrain, tracking_config(settings), path)
         self.path: Final = task.path
         self.reference_speed: Final = task.reference_speed
-        super().__init__(task, backend, render_mode=render_mode, backend_options=backend_options)
+        super().__init__(task, backend, render_mode=render_mode, backend_options=backend_options, engine=engine)
 
     @property
     def _path(self) -> Path:

@@ -1,5 +1,29 @@
-"""The C core: the cell-integrated physics and the surrogates' forward passes and whole vehicles, behind ``grouser.native._core``."""
+"""The C core: the cell-integrated physics and the surrogates' forward passes, whole vehicles and their tasks."""
 
-from ._core import Detector, Field, Fleet, Mlp, Physics, TrackNet, columns, cpu_level
+from ._core import (
+    Detector,
+    Episodes,
+    Field,
+    Fleet,
+    Mlp,
+    Physics,
+    Speed,
+    Tracking,
+    TrackNet,
+    columns,
+    cpu_level,
+)
 
-__all__ = ["Detector", "Field", "Fleet", "Mlp", "Physics", "TrackNet", "columns", "cpu_level"]
+__all__ = [
+    "Detector",
+    "Episodes",
+    "Field",
+    "Fleet",
+    "Mlp",
+    "Physics",
+    "Speed",
+    "TrackNet",
+    "Tracking",
+    "columns",
+    "cpu_level",
+]

@@ -34,7 +34,8 @@ static PyMethodDef methods[] = {
 
 static int execute(PyObject *module) {
   int (*const add[])(PyObject *) = {grouser_add_physics_type,  grouser_add_mlp_type,   grouser_add_track_net_type,
-                                    grouser_add_detector_type, grouser_add_field_type, grouser_add_fleet_type};
+                                    grouser_add_detector_type, grouser_add_field_type, grouser_add_fleet_type,
+                                    grouser_add_rules_types,   grouser_add_episodes_type};
   for (size_t n = 0; n < sizeof add / sizeof *add; n++)
     if (add[n](module) < 0) return -1;
   return 0;

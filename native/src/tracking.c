@@ -6,6 +6,8 @@ static const double PI = 3.14159265358979323846;
 static const double WINDOW = 5.0; /* m: what Path.project searches around a former foot */
 
 static void follow(const void *self, void *memory, const grouser_sight *sight) {
+  /* A vehicle that was set to no position has no foot. */
+  if (!isfinite(sight->x + sight->y)) return;
   const grouser_tracking *tracking = (const grouser_tracking *)self;
   grouser_foot *foot = &((grouser_tracking_memory *)memory)->foot;
   *foot = grouser_path_project(&tracking->path, sight->x, sight->y, foot->arc_length, WINDOW);
