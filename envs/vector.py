@@ -87,13 +87,13 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         self._ended: _Flags = np.zeros(num_envs, np.bool_)
         self._all: _Flags = np.ones(num_envs, np.bool_)
 
-    @property
-    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override, misc]
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """Generator of each sub-environment."""
         return self.batch.generators
 
-    @property
-    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override, misc]
+    @property  # type: ignore[misc]
+    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
         """Seed of each sub-environment."""
         return self.batch.seeds
 
