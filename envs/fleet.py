@@ -190,12 +190,14 @@ class VehicleFleet:
     @property
     def diverged(self) -> NDArray[np.bool_]:
         """Whether each vehicle was lost to numbers that are not finite, or to a tick that was not solved."""
-        return self._status == _DIVERGED
+        diverged: NDArray[np.bool_] = self._status == _DIVERGED
+        return diverged
 
     @property
     def off_map(self) -> NDArray[np.bool_]:
         """Whether each vehicle came to where its ground has no parameters."""
-        return self._status == _OFF_MAP
+        off_map: NDArray[np.bool_] = self._status == _OFF_MAP
+        return off_map
 
     @property
     def record(self) -> FleetRecord:
@@ -255,16 +257,14 @@ class VehicleFleet:
         """
         mode, samples, flags, dwell, calm, weight = self._guard[:, index].tolist()
         bits = int(flags)
-        return VehicleState(
-            *self.numbers[:, index].tolist(),
-            guard=GuardState(
-                GuardMode.FALLBACK if mode else GuardMode.PRIMARY,
-                dwell,
-                calm,
-                tuple(bool(bits >> bit & 1) for bit in range(int(samples))),
-                weight,
-            ),
+        guard = GuardState(
+            GuardMode.FALLBACK if mode else GuardMode.PRIMARY,
+            dwell,
+            calm,
+            tuple(bool(bits >> bit & 1) for bit in range(int(samples))),
+            weight,
         )
+        return VehicleState(**dict(zip(STATE_NAMES, self.numbers[:, index].tolist(), strict=True)), guard=guard)
 
     def set_state(self, index: int, state: VehicleState) -> None:
         """Replace the whole state of a vehicle, which is lost no longer."""
