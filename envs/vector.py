@@ -92,7 +92,7 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         """Generator of each sub-environment."""
         return self.batch.generators
 
-    @property  # type: ignore[misc]
+    @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
         """Seed of each sub-environment."""
         return self.batch.seeds
