@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, MutableMapping
 from typing import Any, Final, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..native import Fleet
+from ..native import Field, Fleet
 from ..terrain import (
     GRAVITY,
     ConfigurationError,
@@ -147,7 +148,8 @@ class VehicleFleet:
         self._guard = np.zeros((_GUARD_ROWS, count))
         self._record = np.zeros((_RECORD_ROWS, count))
         self._status = np.zeros(count, np.uint8)
-        self._fields: dict[int, tuple[TerrainField, Any]] = {}
+        # The vehicles hold the compiled fields that they stand on; a field that nobody drives on goes with its source.
+        self._fields: MutableMapping[TerrainField, Field] = WeakKeyDictionary()
         guarded = self.backend if isinstance(self.backend, GuardedBackend) else None
         try:
             self._fleet = Fleet(

@@ -1,6 +1,9 @@
 """A fleet does what the simulator does, one vehicle beside many others."""
 
+import gc
 import math
+import os
+import weakref
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any
@@ -331,6 +334,35 @@ def test_each_vehicle_drives_on_its_own_ground() -> None:
         for _ in range(150):
             state = simulator.step(BeltCommand(0.0, 0.0)).state
         np.testing.assert_allclose(fleet.numbers[:, index], numbers(state), rtol=0, atol=1e-9)
+
+
+def test_ground_that_nobody_drives_on_any_more_is_let_go() -> None:
+    fleet = VehicleFleet(M113, "physics", ASPHALT, 2)
+    for index in (0, 1):
+        fleet.set_ground(index, TerrainField.uniform(ASPHALT, (-5.0, 5.0, -5.0, 5.0)))
+    former = weakref.ref(fleet.ground(0))
+    fleet.set_ground(0, TerrainField.uniform(SLICK, (-5.0, 5.0, -5.0, 5.0)))
+    gc.collect()
+    assert former() is None
+    assert len(fleet._fields) == 2
+    fleet.advance(np.full((2, 2), 4.0), 5)
+    assert fleet.record.row[:, 7].tolist() == [SLICK.parameters[0], ASPHALT.parameters[0]]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="only where processes fork")
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_a_forked_process_goes_on_without_the_threads_that_it_lost() -> None:
+    fleet = VehicleFleet(M113, "physics", ASPHALT, 40, threads=2)
+    fleet.advance(np.full((40, 2), 4.0), 2)
+    child = os.fork()
+    fleet.advance(np.full((40, 2), 4.0), 2)
+    if child == 0:
+        expected = VehicleFleet(M113, "physics", ASPHALT, 40)
+        expected.advance(np.full((40, 2), 4.0), 4)
+        alike = np.array_equal(expected.numbers, fleet.numbers)
+        del fleet
+        os._exit(0 if alike else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 # Vehicles that are lost
