@@ -1,10 +1,11 @@
-"""The C core: the cell-integrated physics and the surrogates' forward passes, whole vehicles and their tasks."""
+"""The C core, behind ``grouser.native._core``: cell-integrated physics, surrogates, guard, whole vehicles and their tasks."""
 
 from ._core import (
     Detector,
     Episodes,
     Field,
     Fleet,
+    Gated,
     Mlp,
     Physics,
     Speed,
@@ -19,6 +20,7 @@ __all__ = [
     "Episodes",
     "Field",
     "Fleet",
+    "Gated",
     "Mlp",
     "Physics",
     "Speed",
