@@ -20,6 +20,9 @@ from .task import SHARED_TERMS, ConfigT, EpisodeT, Start, Task
 
 _Flags = NDArray[np.bool_]
 
+# As native/include/grouser/ground.h has it.
+_MOST_PARAMETERS: Final = 4
+
 
 class Batch(Generic[ConfigT, EpisodeT]):
     """Vehicles at one task, each in an episode of its own.
@@ -84,8 +87,16 @@ class Batch(Generic[ConfigT, EpisodeT]):
         self._memory = np.zeros((count, task.memory_size))
         self._generators: list[np.random.Generator | None] = [None] * count
         self._seeds: list[int | None] = [None] * count
+        self._periods = np.zeros(count)
+        self._previous = np.zeros((count, 2))
+        self._parameters = np.zeros((count, _MOST_PARAMETERS))
+        self._episodes = self._compile()
+
+    def _compile(self) -> Episodes:
+        """Return the engine over the batch's own arrays."""
+        task, config = self.task, self.task.config
         ranges = parameter_ranges("wide", task.mode)
-        self._episodes = Episodes(
+        return Episodes(
             fleet=self.fleet.compiled,
             rules=task.rules(),
             slip_block=compiled_kernel(task.slip_block),
@@ -111,8 +122,18 @@ class Batch(Generic[ConfigT, EpisodeT]):
             terminated=self.terminated,
             truncated=self.truncated,
             memory=self._memory,
+            periods=self._periods,
+            previous=self._previous,
+            parameters=self._parameters,
             poses=self._poses,
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_episodes"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._episodes = self._compile()
 
     def __len__(self) -> int:
         return len(self.rewards)

@@ -218,6 +218,9 @@ class Episodes:
         terminated: NDArray[np.bool_],
         truncated: NDArray[np.bool_],
         memory: _Array,
+        periods: _Array,
+        previous: _Array,
+        parameters: _Array,
         poses: _Array,
     ) -> Self: ...
     def step(self) -> None: ...

@@ -14,7 +14,7 @@ static void *memory_of(const grouser_episodes *e, int vehicle) {
 }
 
 static double time_of(const grouser_episodes *e, int vehicle) {
-  return (double)e->periods[vehicle] * e->task->control_period;
+  return e->periods[vehicle] * e->task->control_period;
 }
 
 static grouser_sight sight_of(const grouser_episodes *e, int vehicle) {
@@ -71,7 +71,7 @@ static void assess(const grouser_episodes *e, int vehicle) {
   double *previous = e->previous + 2 * (size_t)vehicle, *terms = e->terms + GROUSER_TASK_TERMS * (size_t)vehicle;
   const grouser_sight sight = sight_of(e, vehicle);
   void *memory = memory_of(e, vehicle);
-  e->periods[vehicle]++;
+  e->periods[vehicle] += 1.0;
   if (e->fleet->status[vehicle] != GROUSER_SOLVED) {
     /* The episode ends where the last solved tick left the vehicle: one bad episode must not end a training. */
     e->rules->follow(e->rules->self, memory, &sight);
@@ -86,7 +86,7 @@ static void assess(const grouser_episodes *e, int vehicle) {
     for (int term = 0; term < GROUSER_TASK_TERMS; term++) reward += terms[term];
     e->rewards[vehicle] = reward;
     e->terminated[vehicle] = ended != 0;
-    e->truncated[vehicle] = !ended && e->periods[vehicle] >= e->task->steps;
+    e->truncated[vehicle] = !ended && e->periods[vehicle] >= (double)e->task->steps;
   }
   memcpy(previous, action, 2 * sizeof(double));
   look(e, vehicle, &sight);
@@ -146,7 +146,7 @@ void grouser_episodes_step(const grouser_episodes *episodes, struct grouser_pool
 }
 
 void grouser_episodes_begin(const grouser_episodes *e, int vehicle) {
-  e->periods[vehicle] = 0;
+  e->periods[vehicle] = 0.0;
   e->previous[2 * (size_t)vehicle] = e->previous[2 * (size_t)vehicle + 1] = 0.0;
   const grouser_sight sight = sight_of(e, vehicle);
   look(e, vehicle, &sight);

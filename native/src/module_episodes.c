@@ -5,7 +5,22 @@
 #include "module.h"
 
 /* Arrays of the caller: a row a vehicle. */
-enum slot { ACTIONS, IDLE, OBSERVATIONS, REWARDS, TERMS, MEASURES, TERMINATED, TRUNCATED, MEMORY, POSES, SLOTS };
+enum slot {
+  ACTIONS,
+  IDLE,
+  OBSERVATIONS,
+  REWARDS,
+  TERMS,
+  MEASURES,
+  TERMINATED,
+  TRUNCATED,
+  MEMORY,
+  PERIODS,
+  PREVIOUS,
+  PARAMETERS,
+  POSES,
+  SLOTS
+};
 
 typedef struct {
   PyObject_HEAD
@@ -14,7 +29,7 @@ typedef struct {
   const grouser_fleet_hold *hold;
   PyObject *fleet, *rules, *slip_block; /* that the episodes point into */
   Py_buffer views[SLOTS];
-  void *own[4];
+  double *commands;
 } episodes_object;
 
 typedef struct {
@@ -50,6 +65,9 @@ static int acquire_arrays(episodes_object *self, PyObject *const *objects) {
                                [TERMINATED] = {"terminated", "?", 1, 1},
                                [TRUNCATED] = {"truncated", "?", 1, 1},
                                [MEMORY] = {"memory", "d", d, e->rules->memory / d},
+                               [PERIODS] = {"periods", "d", d, 1},
+                               [PREVIOUS] = {"previous", "d", d, 2},
+                               [PARAMETERS] = {"parameters", "d", d, GROUSER_MAX_PARAMETERS},
                                [POSES] = {"poses", "d", d, 3}};
   for (int slot = 0; slot < SLOTS; slot++)
     if (acquire(objects[slot], &shapes[slot], e->fleet->vehicles, &self->views[slot]) < 0) return -1;
@@ -62,24 +80,10 @@ static int acquire_arrays(episodes_object *self, PyObject *const *objects) {
   e->terminated = self->views[TERMINATED].buf;
   e->truncated = self->views[TRUNCATED].buf;
   e->memory = self->views[MEMORY].buf;
+  e->periods = self->views[PERIODS].buf;
+  e->previous = self->views[PREVIOUS].buf;
+  e->parameters = self->views[PARAMETERS].buf;
   e->poses = self->views[POSES].buf;
-  return 0;
-}
-
-static int allocate_own(episodes_object *self) {
-  grouser_episodes *e = &self->episodes;
-  const size_t vehicles = (size_t)e->fleet->vehicles;
-  const size_t sizes[] = {sizeof *e->periods, 2 * sizeof *e->previous, GROUSER_MAX_PARAMETERS * sizeof *e->parameters,
-                          2 * sizeof *e->commands};
-  for (int n = 0; n < 4; n++)
-    if (!(self->own[n] = PyMem_Calloc(vehicles, sizes[n]))) {
-      PyErr_NoMemory();
-      return -1;
-    }
-  e->periods = self->own[0];
-  e->previous = self->own[1];
-  e->parameters = self->own[2];
-  e->commands = self->own[3];
   return 0;
 }
 
@@ -116,17 +120,19 @@ static int build(episodes_object *self, PyObject *arguments, PyObject *keywords)
   static char *names[] = {"fleet", "rules", "slip_block", "ticks", "steps", "twist", "control_period",
                           "training_speed", "tread", "yaw_rate_scale", "bound", "action_change_weight",
                           "slip_power_weight", "slip_power_scale", "broken_off_reward", "ranges", "actions", "idle",
-                          "observations", "rewards", "terms", "measures", "terminated", "truncated", "memory", "poses",
+                          "observations", "rewards", "terms", "measures", "terminated", "truncated", "memory",
+                          "periods", "previous", "parameters", "poses",
                           NULL};
   grouser_episodes *e = &self->episodes;
   grouser_task *t = &self->task;
   PyObject *fleet, *rules, *slip_block, *ranges, *arrays[SLOTS];
   if (!PyArg_ParseTupleAndKeywords(
-          arguments, keywords, "OOOilpdddddddddOOOOOOOOOOO", names, &fleet, &rules, &slip_block, &e->ticks, &t->steps,
+          arguments, keywords, "OOOilpdddddddddOOOOOOOOOOOOOO", names, &fleet, &rules, &slip_block, &e->ticks, &t->steps,
           &t->twist, &t->control_period, &t->training_speed, &t->tread, &t->yaw_rate_scale, &t->bound,
           &t->action_change_weight, &t->slip_power_weight, &t->slip_power_scale, &t->broken_off_reward, &ranges,
           &arrays[ACTIONS], &arrays[IDLE], &arrays[OBSERVATIONS], &arrays[REWARDS], &arrays[TERMS], &arrays[MEASURES],
-          &arrays[TERMINATED], &arrays[TRUNCATED], &arrays[MEMORY], &arrays[POSES]))
+          &arrays[TERMINATED], &arrays[TRUNCATED], &arrays[MEMORY], &arrays[PERIODS],
+          &arrays[PREVIOUS], &arrays[PARAMETERS], &arrays[POSES]))
     return -1;
   if (!task_is_possible(t, e->ticks)) return -1;
   self->fleet = Py_NewRef(fleet);
@@ -144,7 +150,10 @@ static int build(episodes_object *self, PyObject *arguments, PyObject *keywords)
     return -1;
   }
   if (read_ranges(ranges, columns, t) < 0 || acquire_arrays(self, arrays) < 0) return -1;
-  return allocate_own(self);
+  self->commands = e->commands = PyMem_Calloc((size_t)e->fleet->vehicles, 2 * sizeof *e->commands);
+  if (e->commands) return 0;
+  PyErr_NoMemory();
+  return -1;
 }
 
 static PyObject *episodes_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
@@ -159,7 +168,7 @@ static void episodes_dealloc(PyObject *object) {
   PyTypeObject *type = Py_TYPE(object);
   for (int slot = 0; slot < SLOTS; slot++)
     if (self->views[slot].obj) PyBuffer_Release(&self->views[slot]);
-  for (int n = 0; n < 4; n++) PyMem_Free(self->own[n]);
+  PyMem_Free(self->commands);
   Py_XDECREF(self->fleet);
   Py_XDECREF(self->rules);
   Py_XDECREF(self->slip_block);

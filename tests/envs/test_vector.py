@@ -1,6 +1,8 @@
 """Vector environments: each sub-environment is the single one to the bit; autoreset, threads, bad input."""
 
+import copy
 import math
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -291,3 +293,28 @@ class TestBadInput:
         observations, rewards, _, truncations, _ = env.step(np.full((2, 2), math.nan))
         assert env.observation_space.contains(observations)
         assert (rewards.tolist(), truncations.tolist()) == ([0.0, 0.0], [False, False])
+
+
+class TestCopies:
+    @both_tasks
+    @pytest.mark.parametrize("backend", ["physics", "guarded"])
+    @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+    def test_go_on_where_the_original_is(
+        self, make_surrogate: Callable[[Mode], Surrogate], name: str, backend: str, copied: Callable[[Any], Any]
+    ) -> None:
+        options = {"backend": backend, "time_limit": 1.0, "terrain": "asphalt", "observe_terrain": True}
+        if backend == "guarded":
+            options["backend_options"] = {"artifact": make_surrogate("rigid")}
+        for env in (make(name, 3, **COARSE | options), gymnasium.make(name, **COARSE | options).unwrapped):
+            env.reset(seed=1)
+            drive = actions(3, 14) if env.action_space.shape == (3, 2) else actions(1, 14)[:, 0]
+            for action in drive[:5]:
+                env.step(action)
+            twin = copied(env)
+            for action in drive[5:]:
+                outcome, expected = twin.step(action), env.step(action)
+                assert outcome[0].tobytes() == expected[0].tobytes()
+                assert np.all(outcome[1] == expected[1])
+                assert repr(outcome[2:]) == repr(expected[2:])
+                if not isinstance(env, gymnasium.vector.VectorEnv) and outcome[3]:
+                    assert twin.reset()[0].tobytes() == env.reset()[0].tobytes()

@@ -38,7 +38,7 @@ typedef struct {
   unsigned char *terminated, *truncated;
   /* A row a vehicle, kept from step to step. */
   double *memory;            /* rules->memory bytes */
-  int64_t *periods;          /* control periods since the episode began */
+  double *periods;           /* control periods since the episode began */
   double *previous;          /* 2, the action before */
   double *parameters;        /* GROUSER_MAX_PARAMETERS, as last observed */
   double *poses;             /* 3: x, y and heading in m and rad where the last tick took its ground */
