@@ -11,8 +11,18 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from ..terrain import ForceBackend, Ground, InvalidInputError, TrackedVehicle, make_backend, unknown_name
+from ..terrain import (
+    ConfigurationError,
+    ForceBackend,
+    Ground,
+    GuardedBackend,
+    InvalidInputError,
+    TrackedVehicle,
+    make_backend,
+    unknown_name,
+)
 from .batch import Batch
+from .engine import compiled_ground, compiled_guard, compiled_kernel
 from .observation import Observation
 from .path import Path
 from .path_task import PathEpisode, PathTask
@@ -275,6 +285,14 @@ def make_batch(
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
             raise InvalidInputError(f"{name} must be a whole number of at least 1, got {value!r}")
     built = make_backend(backend, mode=task.mode, vehicle=task.vehicle, **(backend_options or {}))
+    try:
+        compiled_kernel(built.primary if isinstance(built, GuardedBackend) else built)
+        compiled_guard(built)
+        compiled_ground(task.ground, {})
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"{error}. In gymnasium.make_vec, vectorization_mode='sync' steps single environments in turn"
+        ) from error
     return Batch(task, built, num_envs, threads=threads)
 
 

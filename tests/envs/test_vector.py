@@ -36,6 +36,18 @@ both_modes = pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 LEFT_OUT = {f"{mask}{name}" for mask in ("", "_") for name in ("track_forces", "sprocket_power")}
 
 
+class Checkered:
+    """A ground that only Python knows."""
+
+    mode = "rigid"
+
+    def parameters_at(self, x: float, y: float) -> NDArray[np.float64]:
+        return named("asphalt" if round(x + y) % 2 else "ice").parameters
+
+    def gradient_at(self, x: float, y: float) -> tuple[float, float]:
+        return 0.0, 0.0
+
+
 def make(name: str, count: int = 3, **options: Any) -> Any:
     return gymnasium.make_vec(name, num_envs=count, vectorization_mode="vector_entry_point", **(COARSE | options))
 
@@ -135,6 +147,25 @@ class TestEqualsSingleEnvironments:
                 assert getattr(state, part) == pytest.approx(getattr(wanted, part), abs=1e-9)
             if given[2]:
                 break
+
+
+class TestFallBack:
+    def test_a_ground_that_only_python_knows(self) -> None:
+        env, reference = PathTrackingEnv(terrain=Checkered(), **COARSE), PathTrackingEnv(engine="python", **COARSE)
+        env.reset(seed=0)
+        assert env.step(actions(1, 1)[0, 0])[4]["force"].shape == (3,)
+        # And for one episode of an environment that is otherwise compiled.
+        env = PathTrackingEnv(**COARSE)
+        for each in (env, reference):
+            each.reset(seed=0, options={"terrain": Checkered()})
+        for action in actions(1, 5)[:, 0]:
+            outcome, expected = env.step(action), reference.step(action)
+            assert outcome[0].tobytes() == expected[0].tobytes()
+            assert repr(outcome[1:]) == repr(expected[1:])
+        first, again = (env.reset(seed=3)[0].tobytes() for _ in range(2))
+        assert first == again
+        with pytest.raises(ConfigurationError, match="compiled"):
+            PathTrackingEnv(engine="compiled", terrain=Checkered(), **COARSE)
 
 
 class TestThreads:
@@ -262,8 +293,10 @@ class TestBadInput:
             make(SPEED, backend="pysics", backend_options=None)
 
     def test_a_backend_that_is_not_compiled(self, viscous: Callable[..., ForceBackend]) -> None:
-        with pytest.raises(ConfigurationError, match="compiled"):
+        with pytest.raises(ConfigurationError, match=r"compiled.*vectorization_mode='sync'"):
             PathTrackingVectorEnv(2, viscous())
+        with pytest.raises(ConfigurationError, match=r"TerrainField.*vectorization_mode='sync'"):
+            make(SPEED, terrain=Checkered())
 
     @pytest.mark.parametrize(
         "wrong",
@@ -293,6 +326,21 @@ class TestBadInput:
         observations, rewards, _, truncations, _ = env.step(np.full((2, 2), math.nan))
         assert env.observation_space.contains(observations)
         assert (rewards.tolist(), truncations.tolist()) == ([0.0, 0.0], [False, False])
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_gymnasiums_wrappers_count_its_episodes(mode: str) -> None:
+    env = gymnasium.wrappers.vector.RecordEpisodeStatistics(make(SPEED, 3, time_limit=0.5, autoreset_mode=mode))
+    env.reset(seed=0)
+    lengths, total = [], np.zeros(3)
+    for action in actions(3, 5):
+        _, rewards, _, truncations, infos = env.step(action)
+        total += rewards
+        if truncations.any():
+            episode = infos["episode"] if "episode" in infos else infos["final_info"]["episode"]
+            lengths += episode["l"].tolist()
+            assert episode["r"] == pytest.approx(total)
+    assert lengths == [5, 5, 5]
 
 
 class TestCopies:
