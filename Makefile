@@ -5,11 +5,12 @@ PIP    := $(BIN)/python -m pip install -q -c constraints.txt
 PKGS   := envs terrain surrogate controllers native cli
 CSRC   := native/CMakeLists.txt $(wildcard native/src/*.c native/src/*.h native/include/grouser/*.h)
 
-.PHONY: demo test slow lint bench validate tick-study clean help
+.PHONY: demo test slow sanitize lint bench validate tick-study clean help
 help:
 	@echo 'make demo   dataset, training and the closed loop on four backends, into build/demo/'
 	@echo 'make test   the test suite'
 	@echo 'make slow   the studies that take minutes'
+	@echo 'make sanitize  the tests of the C core under AddressSanitizer and UBSan'
 	@echo 'make lint   ruff, mypy, import directions'
 	@echo 'make validate  every check and study of the physics, into docs/validation/'
 	@echo 'make bench  force-call and tick times, into build/bench/'
@@ -20,6 +21,13 @@ test: .venv/.native
 	$(BIN)/python -P -m pytest -q -n 2
 slow: .venv/.native
 	$(BIN)/python -P -m pytest -q -m slow
+# Without site, so that the editable install does not stand before the sanitized one.
+sanitize: .venv/.native
+	rm -rf build/sanitize && CFLAGS='-fsanitize=address,undefined -fno-sanitize-recover=undefined -g' \
+	  $(BIN)/python -m pip install -q --no-deps --no-build-isolation --target build/sanitize -C install.strip=false -C cmake.build-type=Debug .
+	LD_PRELOAD=$$($(CC) -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
+	  PYTHONPATH=build/sanitize:$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') \
+	  $(BIN)/python -S -P -m pytest -q -p no:cacheprovider tests/native tests/envs/test_fleet.py
 lint: .venv/.native
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/mypy tests examples benchmarks && \
 	  PYTHONSAFEPATH=1 $(BIN)/lint-imports
