@@ -15,6 +15,12 @@ typedef struct {
   double v, d[DIRECTIONS];
 } dual;
 
+static dual variable(double value, int direction) {
+  dual r = {value, {0}};
+  r.d[direction] = 1;
+  return r;
+}
+
 static dual scaled(double gain, dual a) {
   dual r = {gain * a.v, {0}};
   for (int q = 0; q < DIRECTIONS; q++) r.d[q] = gain * a.d[q];
@@ -64,15 +70,17 @@ static void slip_of(const grouser_track_net *net, const double *x, enum grouser_
   const double sign = side == GROUSER_LEFT ? 1.0 : -1.0;
   const double belt = x[side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT];
   const double modulus = x[grouser_columns(block->mode) - 1];
-  const dual vx = {x[GROUSER_VX], {[BY_VX] = 1}}, vy = {sign * x[GROUSER_VY], {[BY_VY] = 1}};
-  const dual yaw_rate = {sign * x[GROUSER_YAW_RATE], {[BY_YAW_RATE] = 1}}, vt = {belt, {[BY_BELT] = 1}};
+  const dual vx = variable(x[GROUSER_VX], BY_VX), vy = variable(sign * x[GROUSER_VY], BY_VY);
+  const dual yaw_rate = variable(sign * x[GROUSER_YAW_RATE], BY_YAW_RATE), vt = variable(belt, BY_BELT);
   const dual across = add(vy, scaled(block->contact_center, yaw_rate));
   const dual along = add(add(vx, scaled(-block->tread / 2, yaw_rate)), scaled(-1.0, vt));
 
   const double soft_square = block->soft_speed * block->soft_speed, soft_belt = sqrt(belt * belt + soft_square);
   const double direction = belt / soft_belt, per_meter = 1.0 / (soft_belt * modulus);
-  const dual s = {direction, {[BY_BELT] = soft_square / (soft_belt * soft_belt * soft_belt)}};
-  const dual t = {per_meter, {[BY_BELT] = -per_meter * direction / soft_belt, [BY_MODULUS] = -per_meter / modulus}};
+  dual s = {direction, {0}}, t = {per_meter, {0}};
+  s.d[BY_BELT] = soft_square / (soft_belt * soft_belt * soft_belt);
+  t.d[BY_BELT] = -per_meter * direction / soft_belt;
+  t.d[BY_MODULUS] = -per_meter / modulus;
 
   const double width_square = block->track_width * block->track_width / 12;
   const dual spread = add(multiply(along, along), scaled(width_square, multiply(yaw_rate, yaw_rate)));
