@@ -1,0 +1,86 @@
+"""Reading C declarations as the core writes them: structs, enumerations, functions at file scope."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from ...terrain import ConfigurationError
+
+_COMMENT: Final = r"(?:/\*(?:(?!\*/).)*\*/\n)?"
+_DEFINITION: Final = re.compile(
+    rf"^{_COMMENT}static [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}#]*\) \{{(?:[^\n]*\}}\n|\n.*?^\}}\n)", re.M | re.S
+)
+_COMMENTS: Final = re.compile(r"/\*.*?\*/", re.S)
+_CONSTANT: Final = re.compile(rf"^{_COMMENT}static const \w+ (?P<name>\w+) = [^;,{{}}]*;\n", re.M | re.S)
+
+
+def take_type(text: str, key: str) -> tuple[str, str]:
+    """Return the declaration of a type with its comment, and the text without it.
+
+    Parameters
+    ----------
+    text : str
+        A header.
+    key : str
+        ``"enum NAME"``, the name of a typedef of a struct, or an enumerator of an enumeration without a name.
+
+    Raises
+    ------
+    ConfigurationError
+        If the header does not declare it.
+    """
+    body = r"\{[^{}]*\}"
+    for declaration in (
+        rf"{re.escape(key)} {body};" if key.startswith("enum ") else rf"typedef struct {body} {key};",
+        rf"enum \{{[^{{}}]*\b{key} = [^{{}}]*\}};",
+    ):
+        found = re.search(rf"^{_COMMENT}{declaration}\n", text, re.M | re.S)
+        if found:
+            return found[0], text[: found.start()] + text[found.end() :]
+    raise ConfigurationError(f"the C core declares no {key}; install grouser again")
+
+
+def struct_fields(text: str, name: str) -> tuple[str, ...]:
+    """Return the names of the fields of ``typedef struct {...} name;``, in order.
+
+    Raises
+    ------
+    ConfigurationError
+        If the text declares no such struct.
+    """
+    declaration = _COMMENTS.sub("", take_type(text, name)[0])
+    body = re.sub(r"\[[^\]]*\]", "", declaration[declaration.index("{") + 1 : declaration.rindex("}")])
+    declarators = (declarator for statement in body.split(";") for declarator in _declarators(statement))
+    return tuple(declarators)
+
+
+def _declarators(statement: str) -> list[str]:
+    pointer = re.search(r"\(\*(\w+)\)\(", statement)
+    if pointer:
+        return [pointer[1]]
+    found = (re.search(r"(\w+)\s*$", declarator) for declarator in statement.split(","))
+    return [match[1] for match in found if match]
+
+
+def without_unused(text: str) -> str:
+    """Return C text without static functions and constants that nothing in it uses, nor what only those used."""
+    while True:
+        defined = (match for kind in (_DEFINITION, _CONSTANT) for match in kind.finditer(text))
+        unused = sorted((match for match in defined if not _used(text, match)), key=re.Match.start)
+        if not unused:
+            return text
+        for match in reversed(unused):
+            text = text[: match.start()] + text[match.end() :]
+            text = re.sub(_prototype(match["name"]), "", text, flags=re.M | re.S)
+
+
+def _used(text: str, definition: re.Match[str]) -> bool:
+    name = definition["name"]
+    elsewhere = text[: definition.start()] + text[definition.end() :]
+    lines = re.sub(_prototype(name), "", elsewhere, flags=re.M | re.S)
+    return re.search(rf"\b{name}\b", _COMMENTS.sub("", lines)) is not None
+
+
+def _prototype(name: str) -> str:
+    return rf"^{_COMMENT}static [^;{{}}=#]*?\b{name}\([^;{{}}]*\);\n"
