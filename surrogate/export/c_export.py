@@ -16,7 +16,7 @@ from ..artifact import Surrogate
 from ..backends import NativeSurrogate
 from . import core
 from .amalgamation import Amalgamation
-from .declarations import take_type, without_unused
+from .declarations import take_type, with_limits, without_unused
 from .folder import require_room, write_folder
 from .literals import braced, double
 from .model import kernel_values, physics_fallback, physics_table, surrogate_tables
@@ -152,9 +152,10 @@ def _source(surrogate: Surrogate, fallback: PhysicsBackend, policy: SwitchingPol
     merged = Amalgamation(lambda place: remaining.get(place) or read_source(place), core.REPLACED, core.LEVEL_MARKERS)
     merged.add(core.core_files(structured=surrogate.structured, exact=exact))
     names = braced([f'"{name}"' for name in surrogate.interface.names])
+    limits = core.limits(surrogate.network.widths, surrogate.vehicle.road_wheels)
     code = [
         core.preamble(exact=exact),
-        merged.text,
+        with_limits(merged.text, limits),
         _TABLES,
         _filled("kernels.c", kernel_values(read_source, surrogate, fallback, policy)),
         _filled("api.c", {"hash": surrogate.content_hash, "names": names}),

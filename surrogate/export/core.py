@@ -36,6 +36,9 @@ GUARD_HEADER: Final = "include/grouser/guard.h"
 TICK_HEADER: Final = "include/grouser/tick.h"
 KERNEL_HEADER: Final = "include/grouser/kernel.h"
 
+# Widths are whole numbers of the core's widest vectors.
+_LANES: Final = 16
+
 _PREAMBLE: Final = """\
 #if defined(__cplusplus)
 #define restrict /* C only */
@@ -48,6 +51,20 @@ _NO_EXACT_PATH: Final = """\
 #define grouser_exact_forces grouser_soft_forces
 #define grouser_exact_slopes grouser_soft_slopes
 """
+
+
+def limits(widths: tuple[int, ...], wheels: int) -> dict[str, int]:
+    """Return the core's limits as an artifact needs them: they are what its stack is made of.
+
+    Parameters
+    ----------
+    widths : tuple of int
+        Of the network's layers, inputs and outputs included.
+    wheels : int
+        Contact elements a side.
+    """
+    whole_lanes = -(-max(widths) // _LANES) * _LANES
+    return {"GROUSER_MAX_LAYERS": len(widths) - 1, "GROUSER_MAX_WIDTH": whole_lanes, "GROUSER_MAX_WHEELS": wheels}
 
 
 def core_files(*, structured: bool, exact: bool) -> tuple[str, ...]:

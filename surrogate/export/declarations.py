@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Final
 
 from ...terrain import ConfigurationError
@@ -61,6 +62,21 @@ def _declarators(statement: str) -> list[str]:
         return [pointer[1]]
     found = (re.search(r"(\w+)\s*$", declarator) for declarator in statement.split(","))
     return [match[1] for match in found if match]
+
+
+def with_limits(text: str, limits: Mapping[str, int]) -> str:
+    """Return C text with other values for enumerators.
+
+    Raises
+    ------
+    ConfigurationError
+        If the text does not set one of them exactly once.
+    """
+    for name, value in limits.items():
+        text, count = re.subn(rf"\b{name} = \d+", f"{name} = {value}", text)
+        if count != 1:
+            raise ConfigurationError(f"the C core sets {name} {count} times, the export expects once")
+    return text
 
 
 def without_unused(text: str) -> str:
