@@ -2,6 +2,7 @@
 
 from .corridor import Corridor, Lane
 from .driveline import advance_belts
+from .fleet import FleetRecord, VehicleFleet
 from .footing import GROUND_SAMPLINGS, Footing, GroundSampling
 from .log import STATE_NAMES, InterfaceLog, LogRecorder
 from .path import Path, Projection
@@ -21,6 +22,7 @@ __all__ = [
     "BeltCommand",
     "Corridor",
     "Driver",
+    "FleetRecord",
     "Footing",
     "GroundSampling",
     "Integrator",
@@ -34,6 +36,7 @@ __all__ = [
     "Simulator",
     "TickRecord",
     "TrackingConfig",
+    "VehicleFleet",
     "VehicleState",
     "advance_belts",
     "make_path",

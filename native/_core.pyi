@@ -1,5 +1,5 @@
 from collections.abc import Sequence
-from typing import Self, TypeAlias
+from typing import Protocol, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ class Physics:
         contact_center: float,
         soft_speed: float,
     ) -> Self: ...
+    @property
+    def kernel(self) -> object: ...
     def forces(self, x: _Array, forces: _Array, /) -> None: ...
     def forces_and_jacobian(self, x: _Array, forces: _Array, jacobian: _Array, /) -> None: ...
     def track_forces(
@@ -45,6 +47,8 @@ class Mlp:
         output_mean: _Array,
         output_scale: _Array,
     ) -> Self: ...
+    @property
+    def kernel(self) -> object: ...
     def forces(self, x: _Array, forces: _Array, /) -> None: ...
     def forces_and_jacobian(self, x: _Array, forces: _Array, jacobian: _Array, /) -> None: ...
 
@@ -78,11 +82,72 @@ class TrackNet:
         part_length: float,
         weights: _Array,
     ) -> Self: ...
+    @property
+    def kernel(self) -> object: ...
     def forces(self, x: _Array, forces: _Array, /) -> None: ...
     def forces_and_jacobian(self, x: _Array, forces: _Array, jacobian: _Array, /) -> None: ...
     def track_forces(
         self, x_left: _Array, x_right: _Array, track_forces: _Array, jacobian: _Array = ..., /
     ) -> None: ...
+
+class Detector:
+    def __new__(
+        cls, *, columns: int, low: _Array, high: _Array, center: _Array, whitening: _Array, threshold: float
+    ) -> Self: ...
+    @property
+    def detector(self) -> object: ...
+    def detect(self, row: _Array, /) -> tuple[float, str, int]: ...
+
+class Field:
+    def __new__(
+        cls,
+        *,
+        rows: int,
+        columns: int,
+        parameters: int,
+        x: float,
+        y: float,
+        spacing: float,
+        extend: bool,
+        theta: _Array,
+        height: _Array | None = None,
+    ) -> Self: ...
+    @property
+    def field(self) -> object: ...
+
+class _HasKernel(Protocol):
+    @property
+    def kernel(self) -> object: ...
+
+class Fleet:
+    def __new__(
+        cls,
+        *,
+        kernel: _HasKernel,
+        state: _Array,
+        guard: _Array,
+        record: _Array,
+        status: NDArray[np.uint8],
+        mass: float,
+        yaw_inertia: float,
+        tread: float,
+        contact_center: float,
+        gravity: float,
+        belt_time_constant: float,
+        belt_acceleration: float,
+        tick: float,
+        integrator: int,
+        tolerance: float,
+        sample_tracks: bool,
+        threads: int,
+        fallback: _HasKernel | None = None,
+        detector: Detector | None = None,
+        policy: tuple[int, int, float, float, float, int] | None = None,
+    ) -> Self: ...
+    def set_ground(
+        self, vehicle: int, theta: _Array, slope_x: float, slope_y: float, field: Field | None = None, /
+    ) -> None: ...
+    def advance(self, commands: _Array, ticks: int, /) -> None: ...
 
 def columns(mode: int, /) -> tuple[str, ...]: ...
 def cpu_level() -> str: ...

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -78,10 +78,15 @@ class CompiledBackend(ForceBackend):
         tracks: TrackKernel | None = None,
     ) -> None:
         super().__init__(vehicle, mode)
-        self._kernel = kernel
+        self._kernel: Final = kernel
         self._domain = domain
         self._tracks = tracks
         self.has_track_forces = tracks is not None
+
+    @property
+    def kernel(self) -> Kernel:
+        """The compiled function, for callers that go on in C."""
+        return self._kernel
 
     def forces(self, x: FloatArray) -> FloatArray:
         """Return [Qx, Qy, Mz], shape (3,) or (n, 3); see :meth:`ForceBackend.forces`."""

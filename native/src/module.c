@@ -33,9 +33,11 @@ static PyMethodDef methods[] = {
     {NULL, NULL, 0, NULL}};
 
 static int execute(PyObject *module) {
-  return grouser_add_physics_type(module) < 0 || grouser_add_mlp_type(module) < 0 || grouser_add_track_net_type(module) < 0
-             ? -1
-             : 0;
+  int (*const add[])(PyObject *) = {grouser_add_physics_type,  grouser_add_mlp_type,   grouser_add_track_net_type,
+                                    grouser_add_detector_type, grouser_add_field_type, grouser_add_fleet_type};
+  for (size_t n = 0; n < sizeof add / sizeof *add; n++)
+    if (add[n](module) < 0) return -1;
+  return 0;
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, execute}, {0, NULL}};

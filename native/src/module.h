@@ -5,6 +5,9 @@
 #include <Python.h>
 
 #include "grouser/dense.h"
+#include "grouser/detector.h"
+#include "grouser/ground.h"
+#include "grouser/kernel.h"
 #include "grouser/physics.h"
 
 /* A float64, C-contiguous view of a caller's array; rows = elements / row_size. */
@@ -20,18 +23,6 @@ void grouser_array_release(grouser_array *array);
 
 /* Rows from which a batch releases the GIL. */
 enum { GROUSER_BATCH_ROWS = 16 };
-
-/* A force function of rows, and what it cannot take. */
-typedef struct {
-  const void *self;
-  int columns;
-  /* Writes forces (3) and, unless NULL, the jacobian (3 x columns) of one row. */
-  void (*evaluate)(const void *self, const double *x, double *forces, double *jacobian);
-  /* Name of the first column that is not finite or out of the function's domain, or NULL. */
-  const char *(*refuses)(const void *self, const double *x);
-  /* Writes the same of one track (0 left, 1 right); NULL where the tracks are not known apart. */
-  void (*evaluate_track)(const void *self, const double *x, int side, double *forces, double *jacobian);
-} grouser_kernel;
 
 /* Evaluates every row into the caller's arrays and returns None, or raises ValueError; jacobian may be NULL. */
 PyObject *grouser_kernel_call(const grouser_kernel *kernel, PyObject *x, PyObject *forces, PyObject *jacobian);
@@ -57,8 +48,20 @@ float *grouser_read_dense(int activation, PyObject *widths, PyObject *parameters
 /* Checks and copies the fields of a block; -1 and an error raised if one is out of range. */
 int grouser_read_block(int mode, int contact, int path, grouser_physics *block);
 
+/* Name of the capsule that every compiled force function hands out as its attribute `kernel`. */
+#define GROUSER_KERNEL_CAPSULE "grouser.kernel"
+
+#define GROUSER_DETECTOR_CAPSULE "grouser.detector"
+#define GROUSER_FIELD_CAPSULE "grouser.field"
+
+/* What the capsule in an object's attribute points to, valid as long as the object; or NULL and an error raised. */
+const void *grouser_pointer_of(PyObject *object, const char *attribute, const char *capsule);
+
 int grouser_add_physics_type(PyObject *module);
 int grouser_add_mlp_type(PyObject *module);
 int grouser_add_track_net_type(PyObject *module);
+int grouser_add_detector_type(PyObject *module);
+int grouser_add_field_type(PyObject *module);
+int grouser_add_fleet_type(PyObject *module);
 
 #endif

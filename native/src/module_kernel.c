@@ -1,6 +1,14 @@
 #include "grouser/interface.h"
 #include "module.h"
 
+const void *grouser_pointer_of(PyObject *object, const char *attribute, const char *capsule_name) {
+  PyObject *capsule = PyObject_GetAttrString(object, attribute);
+  if (!capsule) return NULL;
+  const void *pointer = PyCapsule_GetPointer(capsule, capsule_name);
+  Py_DECREF(capsule);
+  return pointer;
+}
+
 int grouser_same_rows(const grouser_array *a, const grouser_array *b, const char *what) {
   if (a->rows == b->rows) return 1;
   PyErr_Format(PyExc_ValueError, "%s must have as many rows as the input: %zd, got %zd", what, a->rows, b->rows);

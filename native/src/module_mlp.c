@@ -8,6 +8,7 @@ typedef struct {
   PyObject_HEAD
   grouser_mlp net;
   float *parameters; /* every layer's weights, then its biases */
+  grouser_kernel kernel;
 } mlp_object;
 
 static PyObject *mlp_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
@@ -69,7 +70,7 @@ static const char *refuses(const void *self, const double *x) {
 
 static grouser_kernel kernel_of(PyObject *self) {
   const grouser_mlp *net = &((mlp_object *)self)->net;
-  return (grouser_kernel){net, net->dense.widths[0], evaluate, refuses, NULL};
+  return (grouser_kernel){net, net->dense.widths[0], evaluate, refuses, NULL, NULL};
 }
 
 static PyObject *mlp_forces(PyObject *self, PyObject *arguments) {
@@ -86,6 +87,16 @@ static PyObject *mlp_forces_and_jacobian(PyObject *self, PyObject *arguments) {
   return grouser_kernel_call(&kernel, x, forces, jacobian);
 }
 
+static PyObject *mlp_kernel(PyObject *self, void *unused) {
+  (void)unused;
+  ((mlp_object *)self)->kernel = kernel_of(self);
+  return PyCapsule_New(&((mlp_object *)self)->kernel, GROUSER_KERNEL_CAPSULE, NULL);
+}
+
+static PyGetSetDef mlp_attributes[] = {
+    {"kernel", mlp_kernel, NULL, "The compiled function itself, alive as long as this object.", NULL},
+    {NULL, NULL, NULL, NULL, NULL}};
+
 static PyMethodDef mlp_methods[] = {
     {"forces", mlp_forces, METH_VARARGS, "forces(x, forces): write the network's forces of every row."},
     {"forces_and_jacobian", mlp_forces_and_jacobian, METH_VARARGS,
@@ -95,6 +106,7 @@ static PyMethodDef mlp_methods[] = {
 static PyType_Slot mlp_slots[] = {{Py_tp_new, mlp_new},
                                   {Py_tp_dealloc, mlp_dealloc},
                                   {Py_tp_methods, mlp_methods},
+                                  {Py_tp_getset, mlp_attributes},
                                   {Py_tp_doc, "A dense float32 network between float64 interface columns and forces."},
                                   {0, NULL}};
 

@@ -4,6 +4,7 @@
 typedef struct {
   PyObject_HEAD
   grouser_physics block;
+  grouser_kernel kernel;
 } physics_object;
 
 int grouser_read_block(int mode, int contact, int path, grouser_physics *block) {
@@ -61,7 +62,7 @@ static void evaluate_track(const void *block, const double *x, int side, double 
 
 static grouser_kernel kernel_of(PyObject *self) {
   const grouser_physics *block = &((physics_object *)self)->block;
-  return (grouser_kernel){block, grouser_columns(block->mode), evaluate, refuses, evaluate_track};
+  return (grouser_kernel){block, grouser_columns(block->mode), evaluate, refuses, evaluate_track, NULL};
 }
 
 static PyObject *physics_forces(PyObject *self, PyObject *arguments) {
@@ -85,6 +86,16 @@ static PyObject *physics_track_forces(PyObject *self, PyObject *arguments) {
   return grouser_kernel_call_tracks(&kernel, left, right, tracks, jacobian);
 }
 
+static PyObject *physics_kernel(PyObject *self, void *unused) {
+  (void)unused;
+  ((physics_object *)self)->kernel = kernel_of(self);
+  return PyCapsule_New(&((physics_object *)self)->kernel, GROUSER_KERNEL_CAPSULE, NULL);
+}
+
+static PyGetSetDef physics_attributes[] = {
+    {"kernel", physics_kernel, NULL, "The compiled function itself, alive as long as this object.", NULL},
+    {NULL, NULL, NULL, NULL, NULL}};
+
 static PyMethodDef physics_methods[] = {
     {"forces", physics_forces, METH_VARARGS, "forces(x, forces): write [Qx, Qy, Mz] of every row."},
     {"forces_and_jacobian", physics_forces_and_jacobian, METH_VARARGS,
@@ -97,6 +108,7 @@ static PyMethodDef physics_methods[] = {
 static PyType_Slot physics_slots[] = {{Py_tp_new, physics_new},
                                       {Py_tp_dealloc, physics_dealloc},
                                       {Py_tp_methods, physics_methods},
+                                      {Py_tp_getset, physics_attributes},
                                       {Py_tp_doc, "The cell-integrated track-terrain block in float64."},
                                       {0, NULL}};
 

@@ -8,6 +8,7 @@ typedef struct {
   PyObject_HEAD
   grouser_track_net net;
   float *parameters; /* every layer's weights, then its biases */
+  grouser_kernel kernel;
 } track_net_object;
 
 static PyObject *track_net_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
@@ -83,7 +84,7 @@ static const char *refuses(const void *net, const double *x) {
 
 static grouser_kernel kernel_of(PyObject *self) {
   const grouser_track_net *net = &((track_net_object *)self)->net;
-  return (grouser_kernel){net, grouser_columns(net->block.mode), evaluate, refuses, evaluate_track};
+  return (grouser_kernel){net, grouser_columns(net->block.mode), evaluate, refuses, evaluate_track, NULL};
 }
 
 static PyObject *track_net_forces(PyObject *self, PyObject *arguments) {
@@ -107,6 +108,16 @@ static PyObject *track_net_track_forces(PyObject *self, PyObject *arguments) {
   return grouser_kernel_call_tracks(&kernel, left, right, tracks, jacobian);
 }
 
+static PyObject *track_net_kernel(PyObject *self, void *unused) {
+  (void)unused;
+  ((track_net_object *)self)->kernel = kernel_of(self);
+  return PyCapsule_New(&((track_net_object *)self)->kernel, GROUSER_KERNEL_CAPSULE, NULL);
+}
+
+static PyGetSetDef track_net_attributes[] = {
+    {"kernel", track_net_kernel, NULL, "The compiled function itself, alive as long as this object.", NULL},
+    {NULL, NULL, NULL, NULL, NULL}};
+
 static PyMethodDef track_net_methods[] = {
     {"forces", track_net_forces, METH_VARARGS, "forces(x, forces): write [Qx, Qy, Mz] of every row."},
     {"forces_and_jacobian", track_net_forces_and_jacobian, METH_VARARGS,
@@ -119,6 +130,7 @@ static PyMethodDef track_net_methods[] = {
 static PyType_Slot track_net_slots[] = {{Py_tp_new, track_net_new},
                                         {Py_tp_dealloc, track_net_dealloc},
                                         {Py_tp_methods, track_net_methods},
+                                        {Py_tp_getset, track_net_attributes},
                                         {Py_tp_doc, "The structured surrogate: a network for one track's shear."},
                                         {0, NULL}};
 

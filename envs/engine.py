@@ -1,0 +1,198 @@
+"""What the compiled engine takes of a backend, a guard and a ground."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from ..native import Detector, Field
+from ..terrain import (
+    MODES,
+    CompiledBackend,
+    ConfigurationError,
+    FloatArray,
+    ForceBackend,
+    Ground,
+    GuardedBackend,
+    Mode,
+    RigidTerrain,
+    SlopedGround,
+    SoilTerrain,
+    SwitchingPolicy,
+    TerrainField,
+    interface,
+)
+
+#: Samples that the compiled guard remembers.
+MAXIMUM_ENTRY_WINDOW: Final = 32
+
+
+@runtime_checkable
+class BoxDistanceDetector(Protocol):
+    """A detector that is a box and a Mahalanobis distance, known by its numbers."""
+
+    @property
+    def mode(self) -> Mode:
+        """Terrain mode."""
+
+    @property
+    def low(self) -> FloatArray:
+        """Lower bounds of the box."""
+
+    @property
+    def high(self) -> FloatArray:
+        """Upper bounds of the box."""
+
+    @property
+    def center(self) -> FloatArray:
+        """Where the distance is 0."""
+
+    @property
+    def whitening(self) -> FloatArray:
+        """W of the distance ‖W (x − center)‖."""
+
+    @property
+    def threshold(self) -> float:
+        """Distance that scores 1."""
+
+
+class CompiledGround(NamedTuple):
+    """θ of both tracks, the slope (∂z/∂x, ∂z/∂y) of the plane, and the field that replaces θ and adds to the slope."""
+
+    theta: FloatArray
+    slope: tuple[float, float]
+    field: Field | None
+
+
+def compiled_kernel(backend: ForceBackend) -> Any:
+    """Return the compiled function of a backend whose forces are that function and nothing else.
+
+    Raises
+    ------
+    ConfigurationError
+        If it has none.
+    """
+    kind = type(backend)
+    plain = isinstance(backend, CompiledBackend) and all(
+        getattr(kind, name) is getattr(CompiledBackend, name)
+        for name in ("forces", "forces_and_jacobian", "track_forces", "track_forces_and_jacobian")
+    )
+    kernel = backend.kernel if isinstance(backend, CompiledBackend) and plain else None
+    if not hasattr(kernel, "kernel"):
+        raise ConfigurationError(
+            f"the compiled engine moves vehicles on compiled forces, and the {backend.name!r} backend is Python: use "
+            "'physics', 'exact', 'native' or 'guarded', or the Simulator, which takes any backend"
+        )
+    return kernel
+
+
+def compiled_guard(backend: ForceBackend) -> dict[str, Any]:
+    """Return fallback, detector and policy as the engine takes them; nothing without a guard.
+
+    Raises
+    ------
+    ConfigurationError
+        If the detector or the policy is none that the engine has.
+    """
+    if not isinstance(backend, GuardedBackend):
+        return {}
+    return {
+        "fallback": compiled_kernel(backend.fallback),
+        "detector": _compiled_detector(backend.detector, backend.mode),
+        "policy": _compiled_policy(backend.policy),
+    }
+
+
+def _compiled_detector(detector: object, mode: Mode) -> Detector:
+    if not isinstance(detector, BoxDistanceDetector) or detector.mode != mode:
+        raise ConfigurationError(
+            f"the compiled guard knows a box and a Mahalanobis distance in {mode} ground, not a "
+            f"{type(detector).__name__}: use a BoxMahalanobisDetector of that mode, or the Simulator"
+        )
+    return Detector(
+        columns=interface(mode).size,
+        low=detector.low,
+        high=detector.high,
+        center=detector.center,
+        whitening=detector.whitening,
+        threshold=detector.threshold,
+    )
+
+
+def _compiled_policy(policy: SwitchingPolicy) -> tuple[int, int, float, float, float, int]:
+    if type(policy) is not SwitchingPolicy or policy.entry_window > MAXIMUM_ENTRY_WINDOW:
+        raise ConfigurationError(
+            f"the compiled guard takes a plain SwitchingPolicy with an entry_window of at most {MAXIMUM_ENTRY_WINDOW}, "
+            f"got {policy!r}: use one, or the Simulator"
+        )
+    return (
+        policy.entry_votes,
+        policy.entry_window,
+        policy.exit_score,
+        policy.exit_time,
+        policy.minimum_dwell,
+        policy.blend_samples,
+    )
+
+
+def compiled_ground(ground: Ground, fields: dict[int, tuple[TerrainField, Field]]) -> CompiledGround:
+    """Return a ground as the engine takes it.
+
+    Parameters
+    ----------
+    ground : Ground
+        A terrain, a terrain field, or a slope of one.
+    fields : dict
+        Compiled fields by the identity of their source, which is kept alive with them; a new one is added.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is another ground.
+    """
+    along = aside = 0.0
+    while isinstance(ground, SlopedGround):
+        along, aside = along + math.tan(ground.grade), aside + math.tan(ground.bank)
+        ground = ground.ground
+    if isinstance(ground, RigidTerrain | SoilTerrain):
+        return CompiledGround(np.tile(ground.parameters, 2), (along, aside), None)
+    if not isinstance(ground, TerrainField):
+        raise ConfigurationError(
+            "the compiled engine drives on a terrain, a TerrainField or a SlopedGround over one, not on a "
+            f"{type(ground).__name__}: sample it into a field, or use the Simulator"
+        )
+    if id(ground) not in fields:
+        fields[id(ground)] = ground, _compiled_field(ground)
+    size = ground.parameters.shape[2]
+    return CompiledGround(np.zeros(2 * size), (along, aside), fields[id(ground)][1])
+
+
+def _compiled_field(field: TerrainField) -> Field:
+    rows, columns, parameters = field.parameters.shape
+    around = [(1, 1), (1, 1)]
+    return Field(
+        rows=rows,
+        columns=columns,
+        parameters=parameters,
+        x=field.origin[0],
+        y=field.origin[1],
+        spacing=field.spacing,
+        extend=field.outside == "extend",
+        theta=np.pad(field.parameters, [*around, (0, 0)], mode="edge"),
+        height=None if field.elevation is None else np.pad(field.elevation, around, mode="edge"),
+    )
+
+
+def check_mode(ground: Ground, mode: Mode) -> Ground:
+    """Return the ground, once it is seen to be of a mode.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is of the other.
+    """
+    if ground.mode not in MODES or ground.mode != mode:
+        raise ConfigurationError(f"the backend is for {mode} ground, got {ground.mode}")
+    return ground

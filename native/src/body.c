@@ -1,0 +1,154 @@
+#include "body.h"
+
+#include <string.h>
+
+enum { LINE_SEARCH_LIMIT = 8 };
+
+void grouser_level_row(const double *row, int columns, const grouser_footing *footing, int side, double *level) {
+  const double ratio = footing->load_ratio;
+  memcpy(level, row, sizeof(double) * (size_t)columns);
+  memcpy(level + GROUSER_TERRAIN, footing->theta[side], sizeof(double) * (size_t)(columns - GROUSER_TERRAIN));
+  level[GROUSER_AX] /= ratio;
+  level[GROUSER_AY] /= ratio;
+  if (columns == grouser_columns(GROUSER_SOIL)) level[GROUSER_TERRAIN] /= ratio;
+}
+
+/* Forces under the load m g_z: r times those of the level row. The slopes by the body scale alike. */
+static void evaluate(grouser_dynamics *dynamics, const double *row, double force[GROUSER_OUTPUTS],
+                     double slope[GROUSER_OUTPUTS][3]) {
+  const grouser_footing *footing = dynamics->footing;
+  const int columns = dynamics->blend.primary->columns;
+  double left[GROUSER_MAX_COLUMNS], right[GROUSER_MAX_COLUMNS];
+  grouser_level_row(row, columns, footing, 0, left);
+  if (footing->split) grouser_level_row(row, columns, footing, 1, right);
+  grouser_blend_forces(&dynamics->blend, left, footing->split ? right : NULL, force, slope);
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) {
+    force[n] *= footing->load_ratio;
+    for (int q = 0; q < 3; q++) slope[n][q] *= footing->load_ratio;
+  }
+}
+
+static grouser_body body_of(const double *row) {
+  const grouser_body body = {row[GROUSER_VX], row[GROUSER_VY], row[GROUSER_YAW_RATE]};
+  return body;
+}
+
+static void set_body(double *row, grouser_body body) {
+  row[GROUSER_VX] = body.vx;
+  row[GROUSER_VY] = body.vy;
+  row[GROUSER_YAW_RATE] = body.yaw_rate;
+}
+
+static grouser_body rates_of(const grouser_dynamics *dynamics, grouser_body body, const double *force) {
+  return grouser_rates(dynamics->vehicle, dynamics->footing->pull_x, dynamics->footing->pull_y, body, force);
+}
+
+/* y = anchor + gain f(y), as it is solved. */
+typedef struct {
+  grouser_body anchor;
+  double gain, tolerance;
+} stage;
+
+typedef struct {
+  grouser_body body;
+  double force[GROUSER_OUTPUTS];
+  int iterations;
+} stage_solution;
+
+/* Evaluates at `body`, into the row as well, and returns the residual there. */
+static grouser_body residual_at(grouser_dynamics *dynamics, const stage *s, grouser_body body, double *row,
+                                double *force, double slope[GROUSER_OUTPUTS][3]) {
+  set_body(row, body);
+  evaluate(dynamics, row, force, slope);
+  return grouser_residual(body, s->anchor, s->gain, rates_of(dynamics, body, force));
+}
+
+/* Damped Newton from one guess; 0 if it does not converge. */
+static int solve_stage(grouser_dynamics *dynamics, const double *start, const stage *s, grouser_body guess,
+                       stage_solution *out) {
+  double row[GROUSER_MAX_COLUMNS], slope[GROUSER_OUTPUTS][3];
+  memcpy(row, start, sizeof row);
+  grouser_body body = guess;
+  grouser_body residual = residual_at(dynamics, s, body, row, out->force, slope);
+  for (int iteration = 0; iteration <= GROUSER_NEWTON_LIMIT; iteration++) {
+    const double size = grouser_residual_size(residual);
+    if (size <= s->tolerance) {
+      out->body = body;
+      out->iterations = iteration;
+      return 1;
+    }
+    if (iteration == GROUSER_NEWTON_LIMIT || !isfinite(size)) return 0;
+    const grouser_body direction =
+        grouser_newton_direction(dynamics->vehicle, body, (const double(*)[3])slope, residual, s->gain);
+    if (!grouser_finite_body(direction)) return 0;
+    double damping = 1.0;
+    grouser_body trial = body;
+    int accepted = 0;
+    for (int n = 0; n < LINE_SEARCH_LIMIT && !accepted; n++, damping /= 2) {
+      trial = grouser_along(body, damping, direction);
+      residual = residual_at(dynamics, s, trial, row, out->force, slope);
+      accepted = grouser_residual_size(residual) < size; /* NaN fails */
+    }
+    if (!accepted) return 0;
+    body = trial;
+  }
+  return 0;
+}
+
+/* From a guess, or from rolling without slip: where ground grips hard, the solution is near there. */
+static int solve_from_two_guesses(grouser_dynamics *dynamics, const double *row, const stage *s, grouser_body guess,
+                                  stage_solution *out) {
+  const double left = row[GROUSER_V_LEFT], right = row[GROUSER_V_RIGHT];
+  const grouser_body rolling = {(left + right) / 2, 0.0, (right - left) / dynamics->vehicle->tread};
+  return solve_stage(dynamics, row, s, guess, out) || solve_stage(dynamics, row, s, rolling, out);
+}
+
+static int solve_part(grouser_dynamics *dynamics, const double *row, double step, double tolerance,
+                      enum grouser_integrator integrator, stage_solution *out) {
+  const grouser_body body = body_of(row);
+  stage s = {body, step, tolerance};
+  if (integrator != GROUSER_SDIRK2) return solve_from_two_guesses(dynamics, row, &s, body, out);
+  s.gain = GROUSER_SDIRK_GAMMA * step;
+  stage_solution first;
+  if (!solve_from_two_guesses(dynamics, row, &s, body, &first)) return 0;
+  s.anchor = grouser_along(body, (1.0 - GROUSER_SDIRK_GAMMA) * step, rates_of(dynamics, first.body, first.force));
+  if (!solve_from_two_guesses(dynamics, row, &s, first.body, out)) return 0;
+  out->iterations += first.iterations;
+  return 1;
+}
+
+int grouser_implicit_step(grouser_dynamics *dynamics, const double *row, double step, double tolerance,
+                          enum grouser_integrator integrator, grouser_body_step *out) {
+  const size_t size = sizeof(double) * (size_t)dynamics->blend.primary->columns;
+  for (int divisions = 1; divisions <= GROUSER_MAX_DIVISIONS; divisions *= 2) {
+    double part[GROUSER_MAX_COLUMNS];
+    stage_solution solution = {{0, 0, 0}, {0, 0, 0}, 0};
+    int solved = 1;
+    memset(part, 0, sizeof part);
+    memcpy(part, row, size);
+    out->iterations = 0;
+    for (int n = 0; n < divisions && solved; n++) {
+      solved = solve_part(dynamics, part, step / divisions, tolerance, integrator, &solution);
+      out->iterations += solution.iterations;
+      set_body(part, solution.body);
+    }
+    if (!solved) continue;
+    out->body = solution.body;
+    out->divisions = divisions;
+    memcpy(out->row, part, sizeof part);
+    memcpy(out->force, solution.force, sizeof solution.force);
+    return 1;
+  }
+  return 0;
+}
+
+void grouser_explicit_step(grouser_dynamics *dynamics, const double *row, double step, grouser_body_step *out) {
+  double slope[GROUSER_OUTPUTS][3];
+  const size_t size = sizeof(double) * (size_t)dynamics->blend.primary->columns;
+  memset(out->row, 0, sizeof out->row);
+  memcpy(out->row, row, size);
+  evaluate(dynamics, row, out->force, slope);
+  out->body = grouser_along(body_of(row), step, rates_of(dynamics, body_of(row), out->force));
+  out->iterations = 0;
+  out->divisions = 1;
+}
