@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from typing import Final
 
@@ -13,6 +14,8 @@ _DEFINITION: Final = re.compile(
     rf"^{_COMMENT}static [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}#]*\) \{{(?:[^\n]*\}}\n|\n.*?^\}}\n)", re.M | re.S
 )
 _COMMENTS: Final = re.compile(r"/\*.*?\*/", re.S)
+_PROTOTYPE: Final = re.compile(rf"^{_COMMENT}static [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}]*\);\n", re.M | re.S)
+_WORD: Final = re.compile(r"\b[A-Za-z_]\w*")
 _CONSTANT: Final = re.compile(rf"^{_COMMENT}static const \w+ (?P<name>\w+) = [^;,{{}}]*;\n", re.M | re.S)
 
 
@@ -82,21 +85,12 @@ def with_limits(text: str, limits: Mapping[str, int]) -> str:
 def without_unused(text: str) -> str:
     """Return C text without static functions and constants that nothing in it uses, nor what only those used."""
     while True:
-        defined = (match for kind in (_DEFINITION, _CONSTANT) for match in kind.finditer(text))
-        unused = sorted((match for match in defined if not _used(text, match)), key=re.Match.start)
+        named = Counter(_WORD.findall(_COMMENTS.sub("", text)))
+        # A declaration, and a definition that does not call itself, name it once each.
+        named.subtract(match["name"] for match in _PROTOTYPE.finditer(text))
+        defined = [match for kind in (_DEFINITION, _CONSTANT) for match in kind.finditer(text)]
+        unused = {match["name"] for match in defined if named[match["name"]] == 1}
         if not unused:
             return text
-        for match in reversed(unused):
-            text = text[: match.start()] + text[match.end() :]
-            text = re.sub(_prototype(match["name"]), "", text, flags=re.M | re.S)
-
-
-def _used(text: str, definition: re.Match[str]) -> bool:
-    name = definition["name"]
-    elsewhere = text[: definition.start()] + text[definition.end() :]
-    lines = re.sub(_prototype(name), "", elsewhere, flags=re.M | re.S)
-    return re.search(rf"\b{name}\b", _COMMENTS.sub("", lines)) is not None
-
-
-def _prototype(name: str) -> str:
-    return rf"^{_COMMENT}static [^;{{}}=#]*?\b{name}\([^;{{}}]*\);\n"
+        for kind in (_DEFINITION, _CONSTANT, _PROTOTYPE):
+            text = kind.sub(lambda match: "" if match["name"] in unused else match[0], text)

@@ -51,7 +51,7 @@ def test_the_tick_is_the_simulators_on_physics(
     code: Exported, surrogate: Surrogate, terrain: RigidTerrain | SoilTerrain, slope: tuple[float, float] | None
 ) -> None:
     vehicle = surrogate.vehicle
-    ground = terrain if slope is None else SlopedGround(terrain, slope)
+    ground = terrain if slope is None else SlopedGround(terrain, *slope)
     simulator = Simulator(vehicle, PhysicsBackend(vehicle, surrogate.mode), ground)
     state: ExportedState = code.function("at_rest")()
     for command in maneuver(vehicle.training_speed, 500):
@@ -61,7 +61,7 @@ def test_the_tick_is_the_simulators_on_physics(
             command,
             parameters(terrain),
             state,
-            slope=None if slope is None else np.array(slope),
+            slope=None if slope is None else np.tan(slope),
         )
         assert status == 0
         assert exported.divisions == record.divisions
@@ -95,8 +95,10 @@ def test_the_guard_switches_when_the_simulators_does(
 ) -> None:
     vehicle = surrogate.vehicle
     backend = GuardedSurrogate(vehicle, surrogate.mode, surrogate)
-    fast, calm = 0.5 * vehicle.training_speed, 0.2 * vehicle.training_speed
-    commands = [BeltCommand(calm, calm)] * 150 + [BeltCommand(fast, -fast)] * 150 + [BeltCommand(calm, calm)] * 400
+    calm = BeltCommand(0.2 * vehicle.training_speed, 0.2 * vehicle.training_speed)
+    # Faster than in training, in a curve.
+    fast = BeltCommand(1.2 * vehicle.training_speed, 1.3 * vehicle.training_speed)
+    commands = [calm] * 50 + [fast] * 450 + [calm] * 400
     states, guards = drive_both(code, backend, GUARDED, terrain, commands)
     modes = [state.guard.mode for state in states]
     assert GuardMode.FALLBACK in modes
