@@ -10,9 +10,13 @@ from typing import Final
 from ...terrain import ConfigurationError
 
 _INCLUDE: Final = re.compile(r'^#include\s+([<"])([^>"]+)[>"].*$')
-_GUARD: Final = re.compile(r"\A(?P<top>(?:/\*.*?\*/\s*)?)#ifndef (?P<name>\w+)\n#define (?P=name)\n(?P<body>.*)#endif\s*\Z", re.S)
+_GUARD: Final = re.compile(
+    r"\A(?P<top>(?:/\*.*?\*/\s*)?)#ifndef (?P<name>\w+)\n#define (?P=name)\n(?P<body>.*)#endif\s*\Z", re.DOTALL
+)
 #: A declaration or definition at file scope of a function that other files may call.
-_FUNCTION: Final = re.compile(r"^(?!static\b|typedef\b|extern\b|return\b)(?=[a-z][\w \t*]*\bgrouser_\w+\()", re.M)
+_FUNCTION: Final = re.compile(
+    r"^(?!static\b|typedef\b|extern\b|return\b)(?=[a-z][\w \t*]*\bgrouser_\w+\()", re.MULTILINE
+)
 _INCLUDE_FOLDER: Final = "include"
 
 

@@ -11,12 +11,15 @@ from ...terrain import ConfigurationError
 
 _COMMENT: Final = r"(?:/\*(?:(?!\*/).)*\*/\n)?"
 _DEFINITION: Final = re.compile(
-    rf"^{_COMMENT}static [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}#]*\) \{{(?:[^\n]*\}}\n|\n.*?^\}}\n)", re.M | re.S
+    rf"^{_COMMENT}static [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}#]*\) \{{(?:[^\n]*\}}\n|\n.*?^\}}\n)",
+    re.MULTILINE | re.DOTALL,
 )
-_COMMENTS: Final = re.compile(r"/\*.*?\*/", re.S)
-_PROTOTYPE: Final = re.compile(rf"^{_COMMENT}static [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}]*\);\n", re.M | re.S)
+_COMMENTS: Final = re.compile(r"/\*.*?\*/", re.DOTALL)
+_PROTOTYPE: Final = re.compile(
+    rf"^{_COMMENT}static [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}]*\);\n", re.MULTILINE | re.DOTALL
+)
 _WORD: Final = re.compile(r"\b[A-Za-z_]\w*")
-_CONSTANT: Final = re.compile(rf"^{_COMMENT}static const \w+ (?P<name>\w+) = [^;,{{}}]*;\n", re.M | re.S)
+_CONSTANT: Final = re.compile(rf"^{_COMMENT}static const \w+ (?P<name>\w+) = [^;,{{}}]*;\n", re.MULTILINE | re.DOTALL)
 
 
 def take_type(text: str, key: str) -> tuple[str, str]:
@@ -39,7 +42,7 @@ def take_type(text: str, key: str) -> tuple[str, str]:
         rf"{re.escape(key)} {body};" if key.startswith("enum ") else rf"typedef struct {body} {key};",
         rf"enum \{{[^{{}}]*\b{key} = [^{{}}]*\}};",
     ):
-        found = re.search(rf"^{_COMMENT}{declaration}\n", text, re.M | re.S)
+        found = re.search(rf"^{_COMMENT}{declaration}\n", text, re.MULTILINE | re.DOTALL)
         if found:
             return found[0], text[: found.start()] + text[found.end() :]
     raise ConfigurationError(f"the C core declares no {key}; install grouser again")
@@ -93,4 +96,8 @@ def without_unused(text: str) -> str:
         if not unused:
             return text
         for kind in (_DEFINITION, _CONSTANT, _PROTOTYPE):
-            text = kind.sub(lambda match: "" if match["name"] in unused else match[0], text)
+            text = _without(text, kind, unused)
+
+
+def _without(text: str, kind: re.Pattern[str], names: set[str]) -> str:
+    return kind.sub(lambda match: "" if match["name"] in names else match[0], text)

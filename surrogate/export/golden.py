@@ -64,7 +64,7 @@ class GoldenRows:
 
 def golden_rows(surrogate: Surrogate, fallback: PhysicsBackend) -> GoldenRows:
     """Return the golden vectors of a surrogate and its fallback."""
-    x = _rows(surrogate)
+    x = _rows(surrogate, running=fallback.soft_speed == 0)
     network, block = _SurrogateOracle(surrogate), _PhysicsOracle(fallback)
     sloped = x[1 : 1 + JACOBIAN_ROWS]
     surrogate_forces, physics_forces = network.forces(x), block.forces(x)
@@ -102,7 +102,9 @@ class GoldenDrive:
     forces: FloatArray
 
 
-def golden_drive(surrogate: Surrogate, fallback: PhysicsBackend, policy: SwitchingPolicy, rows: GoldenRows) -> GoldenDrive:
+def golden_drive(
+    surrogate: Surrogate, fallback: PhysicsBackend, policy: SwitchingPolicy, rows: GoldenRows
+) -> GoldenDrive:
     """Return the drive of a guard over both oracles."""
     guarded = GuardedBackend(_SurrogateOracle(surrogate), _PhysicsOracle(fallback), surrogate.detector, policy)
     reasons = np.array([surrogate.detector.detect(row).reason for row in rows.x])
@@ -169,8 +171,8 @@ def _rolling_rows(surrogate: Surrogate, count: int, seed: int) -> FloatArray:
     return np.column_stack([motion, generator.uniform(low, high, (count, len(low)))])
 
 
-def _rows(surrogate: Surrogate) -> FloatArray:
-    vehicle, detector = surrogate.vehicle, surrogate.detector
+def _rows(surrogate: Surrogate, *, running: bool) -> FloatArray:
+    detector = surrogate.detector
     rolling = _rolling_rows(surrogate, ROWS // 2, _SEED)
     generator = np.random.default_rng(_SEED + 1)
     spread = generator.uniform(detector.low, detector.high, (ROWS - 1 - len(rolling), len(detector.low)))
@@ -179,7 +181,7 @@ def _rows(surrogate: Surrogate) -> FloatArray:
     rest = spread[:1].copy()
     rest[:, :7] = 0.0
     # A block that asks for running belts has no force at rest.
-    if vehicle.soft_speed == 0:
+    if running:
         rest[:, [0, 5, 6]] = 1.0
     rows: FloatArray = np.concatenate([rest, rolling, spread])
     return rows

@@ -89,7 +89,9 @@ def surrogate_tables(read: Read, surrogate: Surrogate) -> str:
     return "\n".join(parts)
 
 
-def kernel_values(read: Read, surrogate: Surrogate, fallback: PhysicsBackend, policy: SwitchingPolicy) -> dict[str, str]:
+def kernel_values(
+    read: Read, surrogate: Surrogate, fallback: PhysicsBackend, policy: SwitchingPolicy
+) -> dict[str, str]:
     """Return what the template of the kernels takes: both kernels, the guard between them, and the vehicle."""
     kind = "grouser_track_net" if surrogate.structured else "grouser_mlp"
     resolution = float(np.finfo(np.float32).eps)
@@ -187,8 +189,7 @@ def _block(
     soft_speed: float | None = None,
 ) -> str:
     values = {
-        name: str(value) if isinstance(value, int) else double(value)
-        for name, value in block_geometry(vehicle).items()
+        name: str(value) if isinstance(value, int) else double(value) for name, value in block_geometry(vehicle).items()
     }
     values |= {
         "mode": f"GROUSER_{mode.upper()}",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,8 @@ from . import golden
 from .checksum import Checksum
 from .literals import braced, double, doubles, table
 
-#: Share of the largest training speed that the self-test drives at.
-_DRIVE_SHARE: Final = 0.4
+#: Shares of the largest training speed that the self-test drives at, right belt; the left one is a tenth slower.
+_CURVE, _FAST, _SLOW = 0.4, 1.3, 0.5
 
 
 def self_test_values(surrogate: Surrogate, fallback: PhysicsBackend, policy: SwitchingPolicy) -> dict[str, str]:
@@ -23,7 +23,8 @@ def self_test_values(surrogate: Surrogate, fallback: PhysicsBackend, policy: Swi
     rows = golden.golden_rows(surrogate, fallback)
     drive = golden.golden_drive(surrogate, fallback, policy, rows)
     terms, checksum = _checksum(surrogate)
-    speed = _DRIVE_SHARE * surrogate.vehicle.training_speed
+    vehicle = surrogate.vehicle
+    cruise, fast = vehicle.training_speed, min(_FAST * vehicle.training_speed, vehicle.maximum_speed)
     middle = (np.array(surrogate.ranges.low) + np.array(surrogate.ranges.high)) / 2
     tables: dict[str, NDArray[Any]] = {
         "rows": rows.x,
@@ -52,9 +53,18 @@ def self_test_values(surrogate: Surrogate, fallback: PhysicsBackend, policy: Swi
         "fallback_share": double(golden.PHYSICS_TOLERANCE),
         "jacobian_share": double(golden.JACOBIAN_TOLERANCE),
         "score_share": double(golden.SCORE_TOLERANCE),
-        "command": braced([double(0.9 * speed), double(speed)]),
+        "curve": _command(_CURVE * cruise),
+        "fast": _command(fast),
+        "slow": _command(_SLOW * cruise),
+        "cruise": double(cruise),
+        # A drive that can go no faster than in training cannot leave the box this way.
+        "leaves": str(int(fast > 1.1 * cruise)),
         "terrain": doubles(middle),
     }
+
+
+def _command(speed: float) -> str:
+    return braced([double(0.9 * speed), double(speed)])
 
 
 def _whole(name: str, values: NDArray[np.int64]) -> str:
@@ -71,7 +81,9 @@ def _checksum(surrogate: Surrogate) -> tuple[list[str], int]:
         named += [(f"surrogate.{side}_mean", normalizer.mean), (f"surrogate.{side}_scale", normalizer.scale)]
     if surrogate.structured:
         named.append(("surrogate.weights", shear_points(surrogate.vehicle).weights))
-    named += [(f"guard.detector.{name}", getattr(detector, name)) for name in ("low", "high", "center", "reach", "slack")]
+    named += [
+        (f"guard.detector.{name}", getattr(detector, name)) for name in ("low", "high", "center", "reach", "slack")
+    ]
     named += [
         (f"guard.detector.whitening[{index}]", np.ascontiguousarray(column))
         for index, column in enumerate(detector.whitening.T)

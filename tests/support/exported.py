@@ -38,7 +38,10 @@ class GuardState(ctypes.Structure):
 
 class VehicleState(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_double) for name in "x y heading vx vy yaw_rate v_left v_right ax ay time".split()),
+        *(
+            (name, ctypes.c_double)
+            for name in ["x", "y", "heading", "vx", "vy", "yaw_rate", "v_left", "v_right", "ax", "ay", "time"]
+        ),
         ("guard", GuardState),
     )
 

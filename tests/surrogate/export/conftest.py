@@ -1,7 +1,6 @@
 """Shipped artifacts, exported and compiled once a session."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest

@@ -35,13 +35,13 @@ def test_a_folder_with_content_is_refused_and_an_export_replaced_when_asked(rigi
     folder = tmp_path / "out"
     folder.mkdir()
     export_c(rigid, folder)
-    with pytest.raises(InvalidInputError, match="not empty.*--force"):
+    with pytest.raises(InvalidInputError, match=r"not empty.*--force"):
         export_c(rigid, folder)
     (folder / "README.md").write_text("altered")
     export_c(rigid, folder, replace=True)
     assert (folder / "README.md").read_text() != "altered"
     (folder / "mine.c").write_text("")
-    with pytest.raises(InvalidInputError, match="mine.c.*would be lost"):
+    with pytest.raises(InvalidInputError, match=r"mine\.c.*would be lost"):
         export_c(rigid, folder, replace=True)
     assert (folder / "mine.c").is_file()
     with pytest.raises(InvalidInputError, match="is a file"):
@@ -57,7 +57,8 @@ def test_an_interruption_leaves_nothing_half_written(
     if there:
         export_c(rigid, folder)
     before = {file.name: file.read_bytes() for file in folder.iterdir()} if there else {}
-    written, write = [], Path.write_text
+    written: list[Path] = []
+    write = Path.write_text
 
     def interrupted(self: Path, *arguments: Any, **options: Any) -> int:
         if len(written) == 3:
@@ -90,9 +91,7 @@ def test_a_teacher_that_is_no_block_is_refused(rigid: Surrogate, tmp_path: Path,
     assert not list(tmp_path.iterdir())
 
 
-def test_a_core_without_its_sources_is_named(
-    rigid: Surrogate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_core_without_its_sources_is_named(rigid: Surrogate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from grouser.native.sources import read_source
 
     def without_guard(place: str) -> str:
