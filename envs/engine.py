@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import MutableMapping
 from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -137,15 +138,15 @@ def _compiled_policy(policy: SwitchingPolicy) -> tuple[int, int, float, float, f
     )
 
 
-def compiled_ground(ground: Ground, fields: dict[int, tuple[TerrainField, Field]]) -> CompiledGround:
+def compiled_ground(ground: Ground, fields: MutableMapping[TerrainField, Field]) -> CompiledGround:
     """Return a ground as the engine takes it.
 
     Parameters
     ----------
     ground : Ground
         A terrain, a terrain field, or a slope of one.
-    fields : dict
-        Compiled fields by the identity of their source, which is kept alive with them; a new one is added.
+    fields : mutable mapping
+        Fields that are compiled already; a new one is added.
 
     Raises
     ------
@@ -163,10 +164,9 @@ def compiled_ground(ground: Ground, fields: dict[int, tuple[TerrainField, Field]
             "the compiled engine drives on a terrain, a TerrainField or a SlopedGround over one, not on a "
             f"{type(ground).__name__}: sample it into a field, or use the Simulator"
         )
-    if id(ground) not in fields:
-        fields[id(ground)] = ground, _compiled_field(ground)
-    size = ground.parameters.shape[2]
-    return CompiledGround(np.zeros(2 * size), (along, aside), fields[id(ground)][1])
+    if ground not in fields:
+        fields[ground] = _compiled_field(ground)
+    return CompiledGround(np.zeros(2 * ground.parameters.shape[2]), (along, aside), fields[ground])
 
 
 def _compiled_field(field: TerrainField) -> Field:

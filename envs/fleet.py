@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, MutableMapping
 from typing import Any, Final, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..native import Fleet
+from ..native import Field, Fleet
 from ..terrain import (
     GRAVITY,
     ConfigurationError,
@@ -147,7 +148,8 @@ class VehicleFleet:
         self._guard = np.zeros((_GUARD_ROWS, count))
         self._record = np.zeros((_RECORD_ROWS, count))
         self._status = np.zeros(count, np.uint8)
-        self._fields: dict[int, tuple[TerrainField, Any]] = {}
+        # The vehicles hold the compiled fields that they stand on; a field that nobody drives on goes with its source.
+        self._fields: MutableMapping[TerrainField, Field] = WeakKeyDictionary()
         guarded = self.backend if isinstance(self.backend, GuardedBackend) else None
         try:
             self._fleet = Fleet(
@@ -185,12 +187,14 @@ class VehicleFleet:
     @property
     def diverged(self) -> NDArray[np.bool_]:
         """Whether each vehicle was lost to numbers that are not finite, or to a tick that was not solved."""
-        return self._status == _DIVERGED
+        diverged: NDArray[np.bool_] = self._status == _DIVERGED
+        return diverged
 
     @property
     def off_map(self) -> NDArray[np.bool_]:
         """Whether each vehicle came to where its ground has no parameters."""
-        return self._status == _OFF_MAP
+        off_map: NDArray[np.bool_] = self._status == _OFF_MAP
+        return off_map
 
     @property
     def record(self) -> FleetRecord:
@@ -238,16 +242,14 @@ class VehicleFleet:
         """
         mode, samples, flags, dwell, calm, weight = self._guard[:, index].tolist()
         bits = int(flags)
-        return VehicleState(
-            *self.numbers[:, index].tolist(),
-            guard=GuardState(
-                GuardMode.FALLBACK if mode else GuardMode.PRIMARY,
-                dwell,
-                calm,
-                tuple(bool(bits >> bit & 1) for bit in range(int(samples))),
-                weight,
-            ),
+        guard = GuardState(
+            GuardMode.FALLBACK if mode else GuardMode.PRIMARY,
+            dwell,
+            calm,
+            tuple(bool(bits >> bit & 1) for bit in range(int(samples))),
+            weight,
         )
+        return VehicleState(**dict(zip(STATE_NAMES, self.numbers[:, index].tolist(), strict=True)), guard=guard)
 
     def set_state(self, index: int, state: VehicleState) -> None:
         """Replace the whole state of a vehicle, which is lost no longer."""
