@@ -159,7 +159,7 @@ def _source(surrogate: Surrogate, fallback: PhysicsBackend, policy: SwitchingPol
         _TABLES,
         _filled("kernels.c", kernel_values(read_source, surrogate, fallback, policy)),
         _filled("api.c", {"hash": surrogate.content_hash, "names": names}),
-        _filled("self_test.c", self_test_values(surrogate, fallback, policy)),
+        _filled("checks.c", self_test_values(surrogate, fallback, policy)),
     ]
     headers = sorted({*merged.system_headers, "math.h", "stddef.h", "string.h"})
     includes = "".join(f"#include <{header}>\n" for header in headers)
