@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from importlib.metadata import version
+from importlib.metadata import distribution, version
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -31,7 +31,11 @@ _OWN_FILES: Final = (
     r"selftest\.c",
     r"CMakeLists\.txt",
     r"README\.md",
+    "LICENSE",
 )
+# Stand for the export's own prefix until the core's names have theirs.
+_OWN: Final = "@own@"
+_OWN_UPPER: Final = "@OWN@"
 _TABLES: Final = "/* ---- the artifact ---- */"
 
 
@@ -82,24 +86,27 @@ def c_files(surrogate: Surrogate, name: str, policy: SwitchingPolicy) -> dict[st
     prefix, component = f"grouser_{name}", f"Grouser{_camel(name)}Component"
     types, remaining = _public_types()
     header, source = _header(surrogate, types), _source(surrogate, fallback, policy, remaining)
-    own = {"name": prefix, "upper": prefix.upper(), "component": component, **_facts(surrogate, fallback)}
-    return {
-        f"{prefix}.h": _prefixed(header, name),
-        f"{prefix}.c": _prefixed(f'#include "{prefix}.h"\n{source}', name),
-        f"{prefix}_sfun.c": _prefixed(_filled("sfun.c", own), name),
-        f"{component}.h": _prefixed(_filled("component.h", own), name),
-        f"{component}.cpp": _prefixed(_filled("component.cpp", own), name),
-        "selftest.c": _prefixed(_filled("selftest.c", own), name),
+    own = {"name": _OWN, "upper": _OWN_UPPER, "component": component, **_facts(surrogate, fallback)}
+    texts = {
+        f"{prefix}.h": header,
+        f"{prefix}.c": _filled("banner.c", own) + source,
+        f"{prefix}_sfun.c": _filled("sfun.c", own),
+        f"{component}.h": _filled("component.h", own),
+        f"{component}.cpp": _filled("component.cpp", own),
+        "selftest.c": _filled("selftest.c", own),
         "CMakeLists.txt": _filled("CMakeLists.txt", own),
         "README.md": _filled("README.md", own),
+        "LICENSE": _license(),
     }
+    return {file: _prefixed(text, name) for file, text in texts.items()}
 
 
 def _checked_name(name: str) -> str:
     usable = re.sub(r"[-. ]", "_", name.lower())
     if not _NAME.fullmatch(usable):
         raise ConfigurationError(
-            f"the name of an export becomes part of C names: letters, digits and underscores, a letter first; got {name!r}"
+            f"the name of an export becomes part of C names: letters, digits and underscores, a letter first; "
+            f"got {name!r}, choose another with --name (name=)"
         )
     return usable
 
@@ -110,8 +117,12 @@ def _camel(name: str) -> str:
 
 def _prefixed(text: str, name: str) -> str:
     """Put the export's name into every name of the core, so that several exports fit into one program."""
-    text = re.sub(rf"\bgrouser_(?!{name}\b|{name}_)(?=[a-z])", f"grouser_{name}_", text)
-    return re.sub(r"\bGROUSER_(?=[A-Z])", f"GROUSER_{name.upper()}_", text)
+    for core_prefix, own, prefix in (
+        ("grouser_", _OWN, f"grouser_{name}"),
+        ("GROUSER_", _OWN_UPPER, f"GROUSER_{name.upper()}"),
+    ):
+        text = re.sub(rf"\b{core_prefix}(?=[A-Za-z])", f"{prefix}_", text).replace(own, prefix)
+    return text
 
 
 def _public_types() -> tuple[str, dict[str, str]]:
@@ -165,7 +176,18 @@ def _source(surrogate: Surrogate, fallback: PhysicsBackend, policy: SwitchingPol
     includes = "".join(f"#include <{header}>\n" for header in headers)
     tables = physics_table(read_source, fallback) + surrogate_tables(read_source, surrogate)
     # The tables are long and use nothing: they come in after the search.
-    return f"{includes}\n" + without_unused("\n".join(code)).replace(_TABLES, f"{_TABLES}\n{tables}")
+    return f"{includes}\n" + _squeezed(without_unused("\n".join(code))).replace(_TABLES, f"{_TABLES}\n{tables}")
+
+
+def _license() -> str:
+    text = distribution("grouser").read_text("licenses/LICENSE")
+    if text is None:
+        raise ConfigurationError("an export carries grouser's LICENSE, which is not installed; install grouser again")
+    return text
+
+
+def _squeezed(text: str) -> str:
+    return re.sub(r"\n{3,}", "\n\n", text)
 
 
 def _facts(surrogate: Surrogate, fallback: PhysicsBackend) -> dict[str, str]:

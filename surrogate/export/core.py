@@ -26,6 +26,9 @@ PUBLIC_TYPES: Final[tuple[tuple[str, tuple[str, ...]], ...]] = (
     ("include/grouser/tick.h", ("enum grouser_status", "grouser_vehicle_state", "grouser_tick_record")),
 )
 
+#: Enumerator of the guard's header: samples that it remembers.
+ENTRY_WINDOW: Final = "GROUSER_MAX_ENTRY_WINDOW"
+
 #: Headers that declare the structs of the tables.
 PHYSICS_HEADER: Final = "include/grouser/physics.h"
 DENSE_HEADER: Final = "include/grouser/dense.h"

@@ -70,6 +70,20 @@ def _declarators(statement: str) -> list[str]:
     return [match[1] for match in found if match]
 
 
+def enumerator(text: str, name: str) -> int:
+    """Return the value that a header gives an enumerator.
+
+    Raises
+    ------
+    ConfigurationError
+        If it gives none.
+    """
+    found = re.search(rf"\b{name} = (\d+)", text)
+    if found is None:
+        raise ConfigurationError(f"the C core declares no {name}; install grouser again")
+    return int(found[1])
+
+
 def with_limits(text: str, limits: Mapping[str, int]) -> str:
     """Return C text with other values for enumerators.
 

@@ -109,8 +109,7 @@ def golden_drive(
     guarded = GuardedBackend(_SurrogateOracle(surrogate), _PhysicsOracle(fallback), surrogate.detector, policy)
     reasons = np.array([surrogate.detector.detect(row).reason for row in rows.x])
     calm, beyond = int(rows.score.argmin()), int(rows.score.argmax())
-    inside = np.flatnonzero(reasons != "box")
-    farthest = int(inside[rows.score[inside].argmax()])
+    farthest = int(np.where(reasons == "box", -1.0, rows.score).argmax())
     index = np.array([calm] * 2 + [beyond] + [calm] * 9 + [farthest] * 3 + [calm] * 9, dtype=np.int64)
     state, states, forces = GuardState(), [], []
     for row in rows.x[index]:

@@ -15,6 +15,7 @@ from ..guarded import fallback_of
 from ..network import DenseNetwork
 from ..track_model import shear_points
 from . import core
+from .declarations import enumerator
 from .literals import braced, double, doubles, singles, struct, table
 
 Read = Callable[[str], str]
@@ -121,6 +122,11 @@ def _kernel(read: Read, name: str, table: str = "") -> str:
 
 def _guard(read: Read, detector: BoxMahalanobisDetector, policy: SwitchingPolicy) -> str:
     header = read(core.GUARD_HEADER)
+    window = enumerator(header, core.ENTRY_WINDOW)
+    if policy.entry_window > window:
+        raise ConfigurationError(
+            f"the C core's guard remembers {window} samples, entry_window is {policy.entry_window}"
+        )
     parts = {
         "columns": "GROUSER_COLUMNS",
         "threshold": double(detector.threshold),

@@ -15,7 +15,7 @@ def test_a_shipped_name_becomes_files_that_pass_their_self_test(call: Any, tmp_p
     assert "artifact" in out
     assert {file.name for file in (tmp_path / "ugv").iterdir()} == {
         "grouser_ugv_rigid.h", "grouser_ugv_rigid.c", "grouser_ugv_rigid_sfun.c", "selftest.c", "CMakeLists.txt",
-        "README.md", "GrouserUgvRigidComponent.h", "GrouserUgvRigidComponent.cpp",
+        "README.md", "LICENSE", "GrouserUgvRigidComponent.h", "GrouserUgvRigidComponent.cpp",
     }  # fmt: skip
     if GCC is None:
         pytest.skip("there is no gcc to compile the export with")

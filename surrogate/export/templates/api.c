@@ -44,7 +44,7 @@ int grouser_guarded_forces(grouser_guard_state *state, double elapsed, const dou
                            double force[GROUSER_OUTPUTS], double *body_jacobian, grouser_detection *detection) {
   double slopes[GROUSER_OUTPUTS][3];
   grouser_guard_state after;
-  if (grouser_physics_refuses(&physics, x)) return GROUSER_REFUSED;
+  if (!(elapsed >= 0) || grouser_physics_refuses(&physics, x)) return GROUSER_REFUSED;
   *detection = grouser_detect(&guard.detector, x);
   if (!evaluate_guarded(state, detection, elapsed, x, &after, force, slopes)) {
     /* As in a tick: a primary that fails is taken for a row that it must not see. */

@@ -1,6 +1,7 @@
 /* $title
  *
- * Written by grouser $version; license: MIT. Artifact $hash.
+ * SPDX-License-Identifier: MIT
+ * Written by grouser $version from the artifact $hash.
  * Any number of threads may call any function; the only memory is what the caller passes in. */
 #ifndef GROUSER_H
 #define GROUSER_H
@@ -25,8 +26,8 @@ enum grouser_parameter { $enumerators };
 /* Who gives the force: the surrogate where it was trained and the fallback elsewhere, or one of them alone. */
 enum grouser_source { GROUSER_GUARDED = 0, GROUSER_SURROGATE_ALONE = 1, GROUSER_FALLBACK_ALONE = 2 };
 
-/* Returned beside the values of grouser_status: a row that grouser_refused_column names, or a belt command that is not
- * within +-GROUSER_MAXIMUM_SPEED (m/s). Nothing is written. */
+/* Returned beside the values of grouser_status: a row that grouser_refused_column names, a belt command that is not
+ * within +-GROUSER_MAXIMUM_SPEED (m/s), a tick that is not in (0, 1] s. Nothing is written. */
 enum { GROUSER_REFUSED = 16 };
 #define GROUSER_MAXIMUM_SPEED $maximum_speed
 
@@ -57,7 +58,8 @@ grouser_detection grouser_score(const double x[GROUSER_COLUMNS]);
 grouser_guard_state grouser_fresh_guard(void);
 
 /* Advances the guard by `elapsed` s with this row, and writes the forces of whom it chose and, unless NULL, their
- * derivatives by vx, vy and yaw rate (3 x 3, row-major), and what the detector said. Returns 0 or GROUSER_REFUSED. */
+ * derivatives by vx, vy and yaw rate (3 x 3, row-major), and what the detector said. Returns 0, or GROUSER_REFUSED also
+ * where `elapsed` is not a time. */
 int grouser_guarded_forces(grouser_guard_state *guard, double elapsed, const double x[GROUSER_COLUMNS],
                            double force[GROUSER_OUTPUTS], double *body_jacobian, grouser_detection *detection);
 

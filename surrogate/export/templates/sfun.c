@@ -60,6 +60,7 @@ static void mdlInitializeSampleTimes(SimStruct *S) {
 #define MDL_START
 static void mdlStart(SimStruct *S) {
   if (!grouser_abi_matches(GROUSER_ABI_VERSION)) ssSetErrorStatus(S, "$name: header and source are of two exports");
+  if (!(ssGetSampleTime(S, 0) > 0)) ssSetErrorStatus(S, "$name: the sample time must be above 0 s");
 }
 
 #define MDL_INITIALIZE_CONDITIONS
@@ -71,7 +72,7 @@ static void mdlInitializeConditions(SimStruct *S) {
 /* May be called more than once a sample: the guard moves on in mdlUpdate. */
 static void mdlOutputs(SimStruct *S, int_T tid) {
   const real_T *row = (const real_T *)ssGetInputPortSignal(S, 0);
-  const real_T elapsed = mxGetScalar(ssGetSFcnParam(S, 0));
+  const real_T elapsed = ssGetSampleTime(S, 0);
   grouser_guard_state guard = kept_guard(S, GUARD_NOW);
   grouser_detection detection;
   (void)tid;

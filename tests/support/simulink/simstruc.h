@@ -33,6 +33,7 @@ typedef struct {
 #define ssSetNumDWork(S, n) ((S)->works = (n))
 #define ssSetDWorkWidth(S, work, n) ((S)->work_width[work] = (n))
 #define ssSetSampleTime(S, n, seconds) ((S)->sample_time = (seconds))
+#define ssGetSampleTime(S, n) ((S)->sample_time)
 #define ssSetOffsetTime(S, n, seconds) ((S)->offset = (seconds))
 #define ssGetSFcnParam(S, n) (&(S)->parameter)
 #define mxGetScalar(array) ((array)->value)

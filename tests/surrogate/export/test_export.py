@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from grouser.surrogate import DenseNetwork, Surrogate, export_c
-from grouser.terrain import ConfigurationError, InvalidInputError
+from grouser.terrain import ConfigurationError, InvalidInputError, SwitchingPolicy
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +29,17 @@ def test_a_name_that_c_cannot_have_is_refused(rigid: Surrogate, tmp_path: Path, 
     with pytest.raises(ConfigurationError, match="letters, digits and underscores"):
         export_c(rigid, tmp_path / "x", name=name)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_name_of_the_core_is_a_name_too(rigid: Surrogate, tmp_path: Path) -> None:
+    header = (export_c(rigid, tmp_path / "a", name="tick") / "grouser_tick.h").read_text()
+    assert "} grouser_tick_tick_record;" in header
+    assert "int grouser_tick_vehicle_tick(" in header
+
+
+def test_a_policy_that_the_core_cannot_hold_is_refused(rigid: Surrogate, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="remembers 32 samples, entry_window is 33"):
+        export_c(rigid, tmp_path / "a", policy=SwitchingPolicy(entry_window=33))
 
 
 def test_a_folder_with_content_is_refused_and_an_export_replaced_when_asked(rigid: Surrogate, tmp_path: Path) -> None:

@@ -15,8 +15,8 @@ from grouser.surrogate import GuardedSurrogate, Surrogate, export_c
 from grouser.terrain import FloatArray, PhysicsBackend, SwitchingPolicy, TrackedVehicle
 
 SUPPORT = Path(__file__).parents[2] / "support"
+# Beside C99 by gcc with optimization, which the fixture compiles.
 COMPILERS = {
-    "gcc-c99": (GCC, ("-std=c99",)),
     "gcc-gnu17": (GCC, ("-std=gnu17",)),
     "gcc-c++17": (GCC, ("-x", "c++", "-std=c++17")),
     "clang-c99": (CLANG, ("-std=c99",)),
@@ -33,12 +33,11 @@ each_family = pytest.mark.parametrize("artifact", ["m113-rigid", "m113-rigid-pap
 
 @each_family
 @pytest.mark.parametrize("compiler", COMPILERS)
-def test_no_compiler_warns(code: Exported, compiler: str, tmp_path: Path) -> None:
+def test_no_compiler_warns(code: Exported, compiler: str) -> None:
     program, language = COMPILERS[compiler]
     if program is None:
         pytest.skip(f"{compiler.split('-')[0]} is not installed")
-    for file in (code.source.name, "selftest.c"):
-        compiled([program, *language, "-O1", *WARNINGS, "-c", file, "-o", tmp_path / "object.o"], code.folder)
+    compiled([program, *language, *WARNINGS, "-fsyntax-only", code.source.name, "selftest.c"], code.folder)
 
 
 @each_family
