@@ -1,5 +1,5 @@
-"""The C core: the cell-integrated physics and the surrogates' forward passes and whole vehicles, behind ``grouser.native._core``."""
+"""The C core, behind ``grouser.native._core``: cell-integrated physics, surrogates, guard and whole vehicles."""
 
-from ._core import Detector, Field, Fleet, Mlp, Physics, TrackNet, columns, cpu_level
+from ._core import Detector, Field, Fleet, Gated, Mlp, Physics, TrackNet, columns, cpu_level
 
-__all__ = ["Detector", "Field", "Fleet", "Mlp", "Physics", "TrackNet", "columns", "cpu_level"]
+__all__ = ["Detector", "Field", "Fleet", "Gated", "Mlp", "Physics", "TrackNet", "columns", "cpu_level"]

@@ -1,4 +1,4 @@
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol, Self, TypeAlias
 
 import numpy as np
@@ -6,13 +6,27 @@ from numpy.typing import NDArray
 
 _Array: TypeAlias = NDArray[np.float64]
 
-class Physics:
+class _Kernel:
+    @property
+    def kernel(self) -> object: ...
+    def forces(self, x: _Array, forces: _Array, /) -> None: ...
+    def forces_and_jacobian(self, x: _Array, forces: _Array, jacobian: _Array, /) -> None: ...
+    def bind(self, x: _Array, forces: _Array, jacobian: _Array = ..., /) -> Callable[[], None]: ...
+    def time_calls(self, x: _Array, calls: int, want_jacobian: bool, /) -> float: ...
+
+class _TrackKernel(_Kernel):
+    def track_forces(
+        self, x_left: _Array, x_right: _Array, track_forces: _Array, jacobian: _Array = ..., /
+    ) -> None: ...
+
+class Physics(_TrackKernel):
     def __new__(
         cls,
         *,
         mode: int,
         contact: int,
         path: int,
+        precision: int,
         wheels: int,
         along: int,
         across: int,
@@ -27,15 +41,8 @@ class Physics:
         contact_center: float,
         soft_speed: float,
     ) -> Self: ...
-    @property
-    def kernel(self) -> object: ...
-    def forces(self, x: _Array, forces: _Array, /) -> None: ...
-    def forces_and_jacobian(self, x: _Array, forces: _Array, jacobian: _Array, /) -> None: ...
-    def track_forces(
-        self, x_left: _Array, x_right: _Array, track_forces: _Array, jacobian: _Array = ..., /
-    ) -> None: ...
 
-class Mlp:
+class Mlp(_Kernel):
     def __new__(
         cls,
         *,
@@ -47,12 +54,8 @@ class Mlp:
         output_mean: _Array,
         output_scale: _Array,
     ) -> Self: ...
-    @property
-    def kernel(self) -> object: ...
-    def forces(self, x: _Array, forces: _Array, /) -> None: ...
-    def forces_and_jacobian(self, x: _Array, forces: _Array, jacobian: _Array, /) -> None: ...
 
-class TrackNet:
+class TrackNet(_TrackKernel):
     def __new__(
         cls,
         *,
@@ -80,15 +83,12 @@ class TrackNet:
         reach: _Array,
         half_travel: float,
         part_length: float,
-        weights: _Array,
+        mean: _Array,
+        moment: _Array,
     ) -> Self: ...
-    @property
-    def kernel(self) -> object: ...
-    def forces(self, x: _Array, forces: _Array, /) -> None: ...
-    def forces_and_jacobian(self, x: _Array, forces: _Array, jacobian: _Array, /) -> None: ...
-    def track_forces(
-        self, x_left: _Array, x_right: _Array, track_forces: _Array, jacobian: _Array = ..., /
-    ) -> None: ...
+
+class Gated(_Kernel):
+    def __new__(cls, *, primary: _HasKernel, fallback: _HasKernel, detector: Detector) -> Self: ...
 
 class Detector:
     def __new__(

@@ -104,7 +104,8 @@ def _track_kernel(surrogate: Surrogate) -> TrackNet:
         reach=points.reach,
         half_travel=points.half_travel,
         part_length=points.length,
-        weights=points.weights,
+        mean=points.mean,
+        moment=points.moment,
         **block_geometry(vehicle),
     )
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -25,15 +25,15 @@ from .network import NetworkNamespace
 
 #: Shear points along each track.
 POINTS: Final = 4
-#: Features of a track: shear at the points along and across, gated slip direction (3), slip size, rolling direction.
-FEATURES: Final = 2 * POINTS + 5
+#: Features of a track: shear at the points along and across, slip size, rolling direction.
+FEATURES: Final = 2 * POINTS + 2
 # Far below any speed; keeps the derivatives of a length finite at zero.
 _TINY_SQUARE: Final = 1e-300
 
 Side = Literal["left", "right"]
 SIDES: Final[tuple[Side, ...]] = ("left", "right")
 
-#: Network outputs (…, 3n) for features (…, 13): along, across and moment, element by element each.
+#: Network outputs (…, 3n) for features (…, 10): along, across and moment, element by element each.
 Correction = Callable[[Any], Any]
 
 
@@ -43,7 +43,7 @@ class TrackState:
 
     Parameters
     ----------
-    features : array, shape (..., 13)
+    features : array, shape (..., 10)
         Network inputs, bounded; zero at rest but for the last, the rolling direction.
     gate : array, shape (..., 1)
         1 − exp(−z̄), z̄ the shear at the middle of the track over K.
@@ -109,16 +109,14 @@ def track_state(xp: NetworkNamespace, vehicle: TrackedVehicle, mode: Mode, x: An
     turning = yaw_rate * (vehicle.contact_length / 2)
     size = array.sqrt(along * along + across * across + turning * turning + _TINY_SQUARE) - _TINY_SQUARE**0.5
     z = size * points.half_travel * per_meter
-    factor = shear_factor(array, z)
-    scale = points.half_travel * per_meter * factor
-    features = array.join([shear, along * scale, across * scale, turning * scale, z / (z + 4.0), direction])
+    features = array.join([shear, z / (z + 4.0), direction])
 
     load = side_loads(array, vehicle, ay)[0 if side == "left" else 1]
     shares = array.join(element_shares(array, vehicle, ax))
     area = vehicle.element_length * vehicle.track_width
     strengths = shear_strength(array, vehicle, mode, terrain, load * shares) * area
     quadrature = xp.affine(shear, points.weights, np.zeros(points.weights.shape[1]))
-    return TrackState(features, z * factor, quadrature, strengths, -terrain[-2] * load * direction)
+    return TrackState(features, z * shear_factor(array, z), quadrature, strengths, -terrain[-2] * load * direction)
 
 
 def track_force(
@@ -168,9 +166,8 @@ class ShearPoints:
         Distance travelled there, in m.
     length : float
         Δ in m.
-    weights : ndarray, shape (8, 3n)
-        From shear along and across at the points to the elements' mean shear along, across, and to the moment of the
-        shear across about the element's centre, over ℓ/2.
+    mean, moment : ndarray, shape (4, n)
+        From shear at the points to the elements' mean shear, and to its moment about the element's centre, over ℓ/2.
     """
 
     starts: FloatArray
@@ -178,7 +175,18 @@ class ShearPoints:
     reach: FloatArray
     half_travel: float
     length: float
-    weights: FloatArray
+    mean: FloatArray
+    moment: FloatArray
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """From shear along and across at the points to the elements' along, across and moment, shape (8, 3n)."""
+        count = self.mean.shape[1]
+        weights = np.zeros((2 * POINTS, 3 * count))
+        weights[:POINTS, :count] = self.mean
+        weights[POINTS:, count : 2 * count] = self.mean
+        weights[POINTS:, 2 * count :] = self.moment
+        return weights
 
 
 def shear_points(vehicle: TrackedVehicle) -> ShearPoints:
@@ -211,7 +219,8 @@ def _continuous_points(contact_length: float, element_length: float, spacing: fl
         (ends[1:] + ends[:-1]) / 2,
         contact_length / 2,
         contact_length / POINTS,
-        _weights(mean, moment),
+        mean.T.copy(),
+        moment.T.copy(),
     )
 
 
@@ -224,7 +233,7 @@ def _wheel_points(element_length: float, spacing: float, count: int) -> ShearPoi
     starts, stops = ((arms[:, None] + end).ravel() for end in (ends[:-1], ends[1:]))
     mean, moment = (np.asarray(np.kron(np.eye(count), own), dtype=np.float64) for own in (own_mean, own_moment))
     reach = np.tile((ends[1:] + ends[:-1]) / 2, count)
-    return ShearPoints(starts, stops, reach, element_length / 2, element_length / share, _weights(mean, moment))
+    return ShearPoints(starts, stops, reach, element_length / 2, element_length / share, mean.T.copy(), moment.T.copy())
 
 
 def _reconstruction(ends: FloatArray, arms: FloatArray, element_length: float) -> tuple[FloatArray, FloatArray]:
@@ -241,13 +250,3 @@ def _reconstruction(ends: FloatArray, arms: FloatArray, element_length: float) -
     mean: FloatArray = np.einsum("q,iqj->ij", weights / 2, values)
     moment: FloatArray = np.einsum("q,iqj->ij", weights / 2 * nodes, values)
     return mean, moment
-
-
-def _weights(mean: FloatArray, moment: FloatArray) -> FloatArray:
-    """Return the map from shear along and across at the points to the elements' along, across and moment."""
-    count = len(mean)
-    weights = np.zeros((2 * POINTS, 3 * count))
-    weights[:POINTS, :count] = mean.T
-    weights[POINTS:, count : 2 * count] = mean.T
-    weights[POINTS:, 2 * count :] = moment.T
-    return weights

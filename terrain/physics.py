@@ -1,23 +1,29 @@
-"""The compiled physics backend: the cell-integrated block in float64."""
+"""The compiled physics backend: the cell-integrated block, in float64 unless asked for float32."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Literal
+
+import numpy as np
 
 from ..native import Physics
 from .block import SHEAR_PATHS, ShearGrid, ShearPath
 from .compiled import CompiledBackend, block_geometry
-from .errors import InvalidInputError
+from .errors import InvalidInputError, unknown_name
 from .interface import MODES, Mode, interface
 from .parameters import require_in
 from .vehicle import CONTACTS, Contact, TrackedVehicle, check_contact
+
+Precision = Literal["float64", "float32"]
+#: In the order of the compiled block's enumeration.
+PRECISIONS: Final[tuple[Precision, ...]] = ("float64", "float32")
 
 _DOMAIN: Final = "k must be positive, and with soft_speed 0 every belt must run"
 
 
 class PhysicsBackend(CompiledBackend):
-    """Shear stress integrated over a grid of cells, in compiled float64 with an analytic Jacobian.
+    """Shear stress integrated over a grid of cells, compiled, with an analytic Jacobian.
 
     Parameters
     ----------
@@ -31,13 +37,16 @@ class PhysicsBackend(CompiledBackend):
         Whether the shear builds up along the whole track or starts afresh under each wheel; the vehicle's by default.
     soft_speed : float, optional
         V_ε in m/s; the vehicle's by default. At 0 a stopped belt is refused.
+    precision : {"float64", "float32"}
+        Of the sums over the cells; float32 is within 1e-5 of the force scale, and faster.
 
     Raises
     ------
     InvalidInputError
-        If there is no cell, more wheels than the compiled block holds, or continuous contact over patches with gaps.
+        If there is no cell, more wheels than the compiled block holds, continuous contact over patches with gaps, or
+        float32 is asked of the exact path.
     ConfigurationError
-        If the contact option is unknown.
+        If the contact option or the precision is unknown.
     """
 
     name: ClassVar[str] = "physics"
@@ -52,6 +61,7 @@ class PhysicsBackend(CompiledBackend):
         cells: tuple[int, int] = (16, 4),
         contact: Contact | None = None,
         soft_speed: float | None = None,
+        precision: Precision = "float64",
     ) -> None:
         if len(cells) != 2:
             raise InvalidInputError(f"cells are a pair (along, across), got {cells!r}")
@@ -59,11 +69,16 @@ class PhysicsBackend(CompiledBackend):
         check_contact(self.grid.contact, vehicle)
         self.soft_speed = vehicle.soft_speed if soft_speed is None else soft_speed
         require_in("soft_speed", self.soft_speed, 0.0, 10.0)
+        if precision not in PRECISIONS:
+            raise unknown_name("precision", precision, PRECISIONS)
+        self.precision: Final[Precision] = precision
+        self.resolution = float(np.finfo(precision).eps)
         mode_index = MODES.index(interface(mode).mode)
         try:
             block = Physics(
                 mode=mode_index,
                 path=SHEAR_PATHS.index(self.grid.path),
+                precision=PRECISIONS.index(precision),
                 along=self.grid.along,
                 across=self.grid.across,
                 **block_geometry(vehicle)
@@ -74,24 +89,41 @@ class PhysicsBackend(CompiledBackend):
         super().__init__(vehicle, mode, block, domain=_DOMAIN, tracks=block)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (type(self), self.vehicle, self.mode, self.grid, self.soft_speed)
+        return _rebuild, (type(self), self.vehicle, self.mode, self.grid, self.soft_speed, self.precision)
 
     def describe(self) -> dict[str, Any]:
-        """Return backend, mode, vehicle, grid, contact option and V_ε."""
-        return super().describe() | {
-            "cells": [self.grid.along, self.grid.across],
-            "contact": self.grid.contact,
-            "soft_speed": self.soft_speed,
-        }
+        """Return backend, mode, vehicle, grid, contact option, V_ε and, where it is not float64, the precision."""
+        precision = {} if self.precision == "float64" else {"precision": self.precision}
+        return (
+            super().describe()
+            | precision
+            | {
+                "cells": [self.grid.along, self.grid.across],
+                "contact": self.grid.contact,
+                "soft_speed": self.soft_speed,
+            }
+        )
 
 
 def physics_options(description: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options that build the physics backend of a :meth:`PhysicsBackend.describe` again."""
-    options = {name: description[name] for name in ("contact", "soft_speed") if name in description}
+    options = {name: description[name] for name in ("contact", "soft_speed", "precision") if name in description}
     return options | ({"cells": tuple(description["cells"])} if "cells" in description else {})
 
 
 def _rebuild(
-    kind: type[PhysicsBackend], vehicle: TrackedVehicle, mode: Mode, grid: ShearGrid, soft_speed: float
+    kind: type[PhysicsBackend],
+    vehicle: TrackedVehicle,
+    mode: Mode,
+    grid: ShearGrid,
+    soft_speed: float,
+    precision: Precision,
 ) -> PhysicsBackend:
-    return kind(vehicle, mode, cells=(grid.along, grid.across), contact=grid.contact, soft_speed=soft_speed)
+    return kind(
+        vehicle,
+        mode,
+        cells=(grid.along, grid.across),
+        contact=grid.contact,
+        soft_speed=soft_speed,
+        precision=precision,
+    )

@@ -19,7 +19,6 @@ from grouser.surrogate.track_model import POINTS, Side, TrackState
 from grouser.terrain import OUTPUT_NAMES, FloatArray
 
 SEEDS: Final = (0, 1, 2)
-SPACE_FILLING_ROWS: Final = 200_000
 
 Change = Callable[[TrackState], TrackState]
 
@@ -61,11 +60,10 @@ VARIANTS: Final = (
     Variant("no quadrature", lambda state: replace(state, quadrature=np.zeros_like(state.quadrature))),
     Variant("no gate", lambda state: replace(state, gate=np.ones_like(state.gate))),
     Variant("no shear features", _without_features(0, _SHEAR)),
-    Variant("no slip direction features", _without_features(_SHEAR, _SHEAR + 3)),
-    Variant("no slip size feature", _without_features(_SHEAR + 3, _SHEAR + 4)),
+    Variant("no slip size feature", _without_features(_SHEAR, _SHEAR + 1)),
     Variant("errors over their standard deviation", even=True),
-    Variant("logged rows alone", recipe=(("perturbed_copies", 0),)),
-    Variant("space-filling rows added", recipe=(("space_filling_rows", SPACE_FILLING_ROWS),)),
+    Variant("no space-filling rows", recipe=(("space_filling_rows", 0),)),
+    Variant("logged rows alone", recipe=(("perturbed_copies", 0), ("space_filling_rows", 0))),
 )
 
 

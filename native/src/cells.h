@@ -2,7 +2,7 @@
 #ifndef GROUSER_CELLS_H
 #define GROUSER_CELLS_H
 
-#include "grouser/interface.h"
+#include "grouser/physics.h"
 
 /* Cells are taken in strips: long enough for the vector units, short enough for the stack. */
 enum { GROUSER_LANES = 8, GROUSER_STRIP = 64 };
@@ -35,15 +35,27 @@ typedef struct {
 } grouser_element_sums;
 
 /* Adds a strip's cells to an element's sums. Soft: the slip velocity of this moment over the contact time. */
-void grouser_soft_forces(const grouser_element_motion *motion, const grouser_cell_strip *strip,
+GROUSER_CORE void grouser_soft_forces(const grouser_element_motion *motion, const grouser_cell_strip *strip,
                          grouser_element_sums *sums);
-void grouser_soft_slopes(const grouser_element_motion *motion, const grouser_cell_strip *strip,
+GROUSER_CORE void grouser_soft_slopes(const grouser_element_motion *motion, const grouser_cell_strip *strip,
                          grouser_element_sums *sums);
 
 /* Exact: the path of the belt point over the ground, with the vehicle's rotation on the way. */
-void grouser_exact_forces(const grouser_element_motion *motion, const grouser_cell_strip *strip,
+GROUSER_CORE void grouser_exact_forces(const grouser_element_motion *motion, const grouser_cell_strip *strip,
                           grouser_element_sums *sums);
-void grouser_exact_slopes(const grouser_element_motion *motion, const grouser_cell_strip *strip,
+GROUSER_CORE void grouser_exact_slopes(const grouser_element_motion *motion, const grouser_cell_strip *strip,
                           grouser_element_sums *sums);
+
+/* The soft path in float32: cells about the centre of their element and of the track, whose centreline is at `lever`. */
+enum { GROUSER_SINGLE_STRIP = 256 };
+
+typedef struct {
+  float offset[GROUSER_SINGLE_STRIP], aside[GROUSER_SINGLE_STRIP], weight[GROUSER_SINGLE_STRIP];
+  int lanes;
+} grouser_single_strip;
+
+GROUSER_CORE void grouser_fill_single_strip(const grouser_physics *block, int first, grouser_single_strip *strip);
+GROUSER_CORE void grouser_single_cells(const grouser_element_motion *motion, const grouser_single_strip *strip,
+                                       double lever, int want_slopes, grouser_element_sums *sums);
 
 #endif

@@ -1,109 +1,247 @@
 #include "grouser/dense.h"
 
-#include <stdint.h>
+#include <stddef.h>
 #include <string.h>
 
-#include "cpu.h"
+#include "lanes.h"
 
-/* exp(x) to a few units in the last place, without branches: x = k ln 2 + r, then 2^k times a Taylor sum in r. */
-static inline float exponential(float x) {
-  static const float LOG2E = 1.44269504f, LN2_HIGH = 0.693359375f, LN2_LOW = -2.12194440e-4f,
-                     SHIFT = 12582912.0f; /* 1.5 * 2^23 */
-  const float limited = x < -87.0f ? -87.0f : x > 88.0f ? 88.0f : x;
-  const float shifted = limited * LOG2E + SHIFT;
-  const float k = shifted - SHIFT;
-  const float r = (limited - k * LN2_HIGH) - k * LN2_LOW;
-  float p = 1.0f / 5040.0f;
-  p = p * r + 1.0f / 720.0f;
-  p = p * r + 1.0f / 120.0f;
-  p = p * r + 1.0f / 24.0f;
-  p = p * r + 1.0f / 6.0f;
-  p = p * r + 0.5f;
-  uint32_t bits;
-  float scale;
-  memcpy(&bits, &shifted, sizeof bits);
-  bits = (bits + 127u) << 23;
-  memcpy(&scale, &bits, sizeof scale);
-  return scale + scale * (r + r * r * p);
+/* How many vectors of sums stay in registers. */
+enum { SUMS = GROUSER_FLOATS == 16 ? 16 : 8 };
+
+/* One input at a time against a row of outputs, even and odd inputs in sums of their own: half the wait for each
+ * other, and the same additions at every number of vectors. */
+GROUSER_INLINE void affine_vectors(const float *weights, size_t stride, const float *bias, const float *in, int inputs,
+                                   float *out, const int vectors) {
+  grouser_lanes even[SUMS / 2], odd[SUMS / 2];
+  GROUSER_UNROLL
+  for (int v = 0; v < vectors; v++) {
+    even[v] = lanes_load(bias + v * GROUSER_FLOATS);
+    odd[v] = lanes_of(0.0f);
+  }
+  int i = 0;
+  for (; i + 1 < inputs; i += 2) {
+    const float *row = weights + (size_t)i * stride;
+    const grouser_lanes first = lanes_of(in[i]), second = lanes_of(in[i + 1]);
+    GROUSER_UNROLL
+    for (int v = 0; v < vectors; v++) even[v] = lanes_fma(first, lanes_load(row + v * GROUSER_FLOATS), even[v]);
+    GROUSER_UNROLL
+    for (int v = 0; v < vectors; v++) odd[v] = lanes_fma(second, lanes_load(row + stride + v * GROUSER_FLOATS), odd[v]);
+  }
+  if (i < inputs) {
+    const grouser_lanes last = lanes_of(in[i]);
+    const float *row = weights + (size_t)i * stride;
+    GROUSER_UNROLL
+    for (int v = 0; v < vectors; v++) even[v] = lanes_fma(last, lanes_load(row + v * GROUSER_FLOATS), even[v]);
+  }
+  GROUSER_UNROLL
+  for (int v = 0; v < vectors; v++) lanes_store(out + v * GROUSER_FLOATS, even[v] + odd[v]);
 }
 
-/* Activations of z, with their derivatives. A NaN stays one. */
-GROUSER_CLONES
-static void activate(enum grouser_activation kind, const float *restrict z, float *restrict value,
-                     float *restrict slope, int count) {
+static void affine(const float *weights, const float *bias, const float *in, int inputs, float *out, int outputs) {
+  const int stride = grouser_padded(outputs);
+  int done = 0;
+  for (; done + SUMS / 2 * GROUSER_FLOATS <= stride; done += SUMS / 2 * GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, SUMS / 2);
+  for (; done + 4 * GROUSER_FLOATS <= stride; done += 4 * GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, 4);
+  for (; done + 2 * GROUSER_FLOATS <= stride; done += 2 * GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, 2);
+  for (; done < stride; done += GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, 1);
+}
+
+/* The activation of z, and its derivative. A NaN stays one. */
+GROUSER_INLINE grouser_lanes activated(enum grouser_activation kind, grouser_lanes z, grouser_lanes *slope) {
+  const grouser_lanes one = lanes_of(1.0f), zero = lanes_of(0.0f);
   if (kind == GROUSER_RELU) {
-    for (int n = 0; n < count; n++) {
-      value[n] = z[n] < 0 ? 0.0f : z[n];
-      slope[n] = z[n] > 0 ? 1.0f : 0.0f;
-    }
-  } else if (kind == GROUSER_SILU) {
-    for (int n = 0; n < count; n++) {
-      const float gate = 1.0f / (1.0f + exponential(-z[n]));
-      value[n] = z[n] * gate;
-      slope[n] = gate * (1.0f + z[n] * (1.0f - gate));
-    }
-  } else {
-    for (int n = 0; n < count; n++) {
-      const float t = 1.0f - 2.0f / (1.0f + exponential(2.0f * z[n]));
-      value[n] = t;
-      slope[n] = 1.0f - t * t;
-    }
+    *slope = lanes_where_less(zero, z, one, zero);
+    return lanes_where_less(z, zero, zero, z);
+  }
+  if (kind == GROUSER_SILU) {
+    const grouser_lanes gate = one / (one + lanes_exp(zero - z));
+    *slope = gate * lanes_fma(z, one - gate, one);
+    return z * gate;
+  }
+  const grouser_lanes t = one - lanes_of(2.0f) / (one + lanes_exp(z + z));
+  *slope = one - t * t;
+  return t;
+}
+
+GROUSER_INLINE void activate_as(const enum grouser_activation kind, float *value, float *slope, int count) {
+  grouser_lanes by;
+  for (int n = 0; n < count; n += GROUSER_FLOATS) {
+    lanes_store(value + n, activated(kind, lanes_load(value + n), &by));
+    if (slope) lanes_store(slope + n, by);
   }
 }
 
-/* One input at a time against a row of outputs: the additions keep their order at every vector width. */
-GROUSER_CLONES
-static void affine(const float *restrict weights, const float *restrict bias, const float *restrict in, int inputs,
-                   float *restrict out, int outputs) {
-  memcpy(out, bias, sizeof(float) * (size_t)outputs);
-  for (int i = 0; i < inputs; i++) {
-    const float *restrict row = weights + (size_t)i * (size_t)outputs;
-    const float value = in[i];
-    for (int o = 0; o < outputs; o++) out[o] += value * row[o];
-  }
-}
-
-/* back[n][i] = sum over o of weights[i][o] * front[n][o], in sixteen running sums. */
-GROUSER_CLONES
-static void transpose_apply(const float *restrict weights, const float *restrict front, int inputs, int outputs,
-                            int stride, float *restrict back) {
-  enum { LANES = 16 };
-  for (int n = 0; n < GROUSER_SEEDS; n++) {
-    const float *restrict from = front + (size_t)n * (size_t)stride;
-    for (int i = 0; i < inputs; i++) {
-      const float *restrict row = weights + (size_t)i * (size_t)outputs;
-      float lane[LANES] = {0}, sum = 0;
-      int o = 0;
-      for (; o + LANES <= outputs; o += LANES)
-        for (int l = 0; l < LANES; l++) lane[l] += row[o + l] * from[o + l];
-      for (int l = 0; l < LANES; l++) sum += lane[l];
-      for (; o < outputs; o++) sum += row[o] * from[o];
-      back[(size_t)n * (size_t)stride + (size_t)i] = sum;
-    }
-  }
+/* Overwrites z by its activations; `slope` may be NULL. */
+static void activate(enum grouser_activation kind, float *value, float *slope, int count) {
+  if (kind == GROUSER_RELU)
+    activate_as(GROUSER_RELU, value, slope, count);
+  else if (kind == GROUSER_SILU)
+    activate_as(GROUSER_SILU, value, slope, count);
+  else
+    activate_as(GROUSER_TANH, value, slope, count);
 }
 
 void grouser_dense_forward(const grouser_dense *net, const float *inputs, float *outputs, grouser_slopes slopes) {
-  float value[GROUSER_MAX_WIDTH], next[GROUSER_MAX_WIDTH];
+  float buffer[2][GROUSER_MAX_WIDTH];
+  const float *value = inputs;
   const int last = net->layers - 1;
-  memcpy(value, inputs, sizeof(float) * (size_t)net->widths[0]);
   for (int layer = 0; layer < last; layer++) {
     const int width = net->widths[layer + 1];
+    float *next = buffer[layer % 2];
     affine(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width);
-    activate(net->activation, next, value, slopes[layer], width);
+    activate(net->activation, next, slopes ? slopes[layer] : NULL, grouser_padded(width));
+    value = next;
   }
   affine(net->weights[last], net->biases[last], value, net->widths[last], outputs, net->widths[net->layers]);
+}
+
+/* The seeds share every load of a weight. */
+GROUSER_INLINE void backward_vectors(const float *weights, size_t stride, const float *from, int inputs, float *to,
+                                     const int vectors) {
+  grouser_lanes sum[GROUSER_SEEDS][4];
+  GROUSER_UNROLL
+  for (int n = 0; n < GROUSER_SEEDS; n++)
+    GROUSER_UNROLL
+    for (int v = 0; v < vectors; v++) sum[n][v] = lanes_of(0.0f);
+  for (int i = 0; i < inputs; i++) {
+    const float *row = weights + (size_t)i * stride;
+    GROUSER_UNROLL
+    for (int v = 0; v < vectors; v++) {
+      const grouser_lanes weight = lanes_load(row + v * GROUSER_FLOATS);
+      GROUSER_UNROLL
+      for (int n = 0; n < GROUSER_SEEDS; n++)
+        sum[n][v] = lanes_fma(lanes_of(from[n * GROUSER_MAX_WIDTH + i]), weight, sum[n][v]);
+    }
+  }
+  GROUSER_UNROLL
+  for (int n = 0; n < GROUSER_SEEDS; n++)
+    GROUSER_UNROLL
+    for (int v = 0; v < vectors; v++) lanes_store(to + n * GROUSER_MAX_WIDTH + v * GROUSER_FLOATS, sum[n][v]);
 }
 
 void grouser_dense_backward(const grouser_dense *net, grouser_slopes slopes,
                             float rows[GROUSER_SEEDS * GROUSER_MAX_WIDTH]) {
   float back[GROUSER_SEEDS * GROUSER_MAX_WIDTH];
+  float *from = rows, *to = back;
   for (int layer = net->layers - 1; layer >= 0; layer--) {
-    const int width = net->widths[layer];
-    transpose_apply(net->weights[layer], rows, width, net->widths[layer + 1], GROUSER_MAX_WIDTH, back);
-    for (int n = 0; n < GROUSER_SEEDS; n++)
-      for (int i = 0; i < width; i++)
-        rows[n * GROUSER_MAX_WIDTH + i] =
-            back[n * GROUSER_MAX_WIDTH + i] * (layer > 0 ? slopes[layer - 1][i] : 1.0f);
+    const int inputs = net->widths[layer + 1], padded = grouser_padded(net->widths[layer]);
+    int done = 0;
+    for (; done + 4 * GROUSER_FLOATS <= padded; done += 4 * GROUSER_FLOATS)
+      backward_vectors(net->transposed[layer] + done, (size_t)padded, from, inputs, to + done, 4);
+    for (; done < padded; done += GROUSER_FLOATS)
+      backward_vectors(net->transposed[layer] + done, (size_t)padded, from, inputs, to + done, 1);
+    for (int n = 0; layer > 0 && n < GROUSER_SEEDS; n++)
+      for (int i = 0; i < padded; i++) to[n * GROUSER_MAX_WIDTH + i] *= slopes[layer - 1][i];
+    float *const swap = from;
+    from = to;
+    to = swap;
+  }
+  if (from != rows) memcpy(rows, back, sizeof back);
+}
+
+/* A tile of out[o][..] = sum over i of weights[i][o] * in[i][..], with bias[o] added in the first `biased` vectors: one
+ * broadcast weight serves `vectors` products, and the additions are those of affine_vectors. */
+GROUSER_INLINE void tile(const float *weights, size_t stride, const float *bias, int biased, const float *in,
+                         size_t columns, int inputs, float *out, const int outputs, const int vectors) {
+  grouser_lanes even[SUMS / 2], odd[SUMS / 2];
+  GROUSER_UNROLL
+  for (int o = 0; o < outputs; o++)
+    GROUSER_UNROLL
+    for (int v = 0; v < vectors; v++) {
+      even[o * vectors + v] = lanes_of(v < biased ? bias[o] : 0.0f);
+      odd[o * vectors + v] = lanes_of(0.0f);
+    }
+  int i = 0;
+  for (; i + 1 < inputs; i += 2) {
+    const float *row = weights + (size_t)i * stride, *value = in + (size_t)i * columns;
+    GROUSER_UNROLL
+    for (int o = 0; o < outputs; o++) {
+      const grouser_lanes first = lanes_of(row[o]), second = lanes_of(row[stride + (size_t)o]);
+      GROUSER_UNROLL
+      for (int v = 0; v < vectors; v++) {
+        const int s = o * vectors + v;
+        even[s] = lanes_fma(lanes_load(value + v * GROUSER_FLOATS), first, even[s]);
+        odd[s] = lanes_fma(lanes_load(value + columns + v * GROUSER_FLOATS), second, odd[s]);
+      }
+    }
+  }
+  if (i < inputs)
+    GROUSER_UNROLL
+    for (int o = 0; o < outputs; o++) {
+      const grouser_lanes last = lanes_of(weights[(size_t)i * stride + (size_t)o]);
+      GROUSER_UNROLL
+      for (int v = 0; v < vectors; v++)
+        even[o * vectors + v] =
+            lanes_fma(lanes_load(in + (size_t)i * columns + v * GROUSER_FLOATS), last, even[o * vectors + v]);
+    }
+  GROUSER_UNROLL
+  for (int o = 0; o < outputs; o++)
+    GROUSER_UNROLL
+    for (int v = 0; v < vectors; v++)
+      lanes_store(out + (size_t)o * columns + v * GROUSER_FLOATS, even[o * vectors + v] + odd[o * vectors + v]);
+}
+
+/* Tiles of `tall` outputs, a divisor of GROUSER_PANEL, by `wide` vectors, a divisor of the columns. */
+GROUSER_INLINE void affine_columns(const float *weights, const float *bias, const float *in, int inputs, float *out,
+                                   int outputs, int columns, int biased, const int tall, const int wide) {
+  const size_t stride = (size_t)grouser_padded(outputs), row = (size_t)columns;
+  for (int c = 0; c < columns; c += wide * GROUSER_FLOATS)
+    for (int o = 0; o < outputs; o += tall)
+      tile(weights + o, stride, bias + o, (biased - c) / GROUSER_FLOATS, in + c, row, inputs,
+           out + (size_t)o * row + (size_t)c, tall, wide);
+}
+
+/* The duals of a block are one tile wide where a block is one vector. */
+enum { WIDE = 2, DUAL_WIDE = GROUSER_FLOATS == 16 ? 4 : WIDE };
+
+void grouser_dense_batch(const grouser_dense *net, const float *in, int count, float *out, float *scratch) {
+  const int last = net->layers - 1, wide = WIDE * GROUSER_FLOATS;
+  const float *value = in;
+  for (int layer = 0; layer <= last; layer++) {
+    const int inputs = net->widths[layer], outputs = net->widths[layer + 1];
+    float *next = layer == last ? out : scratch + (size_t)(layer % 2) * (size_t)(net->widest * count);
+    if (count % wide == 0)
+      affine_columns(net->weights[layer], net->biases[layer], value, inputs, next, outputs, count, count,
+                     SUMS / 2 / WIDE, WIDE);
+    else
+      affine_columns(net->weights[layer], net->biases[layer], value, inputs, next, outputs, count, count,
+                     SUMS / 2, 1);
+    if (layer < last) activate(net->activation, next, NULL, outputs * count);
+    value = next;
+  }
+}
+
+GROUSER_INLINE void activate_duals(const enum grouser_activation kind, float *rows, int width) {
+  for (int n = 0; n < width; n++)
+    for (int l = 0; l < GROUSER_BLOCK; l += GROUSER_FLOATS) {
+      float *row = rows + (size_t)n * GROUSER_DUAL + l;
+      grouser_lanes slope;
+      lanes_store(row, activated(kind, lanes_load(row), &slope));
+      for (int d = 1; d <= GROUSER_SEEDS; d++)
+        lanes_store(row + d * GROUSER_BLOCK, slope * lanes_load(row + d * GROUSER_BLOCK));
+    }
+}
+
+void grouser_dense_block(const grouser_dense *net, const float *in, float *out, float *scratch) {
+  const int last = net->layers - 1;
+  const float *value = in;
+  for (int layer = 0; layer <= last; layer++) {
+    const int width = net->widths[layer + 1];
+    float *next = layer == last ? out : scratch + (size_t)(layer % 2) * (size_t)(net->widest * GROUSER_DUAL);
+    affine_columns(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, GROUSER_DUAL,
+                   GROUSER_BLOCK, SUMS / 2 / DUAL_WIDE, DUAL_WIDE);
+    if (layer < last) {
+      if (net->activation == GROUSER_RELU)
+        activate_duals(GROUSER_RELU, next, width);
+      else if (net->activation == GROUSER_SILU)
+        activate_duals(GROUSER_SILU, next, width);
+      else
+        activate_duals(GROUSER_TANH, next, width);
+    }
+    value = next;
   }
 }

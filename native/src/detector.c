@@ -76,11 +76,21 @@ static grouser_detection outside(const grouser_detector *detector, const double 
   return detection;
 }
 
-grouser_detection grouser_detect(const grouser_detector *detector, const double *row) {
+static int in_box(const grouser_detector *detector, const double *row) {
   for (int i = 0; i < detector->columns; i++) {
     const double slack = detector->slack[i];
-    if (!(detector->low[i] - slack <= row[i] && row[i] <= detector->high[i] + slack)) return outside(detector, row);
+    if (!(detector->low[i] - slack <= row[i] && row[i] <= detector->high[i] + slack)) return 0;
   }
+  return 1;
+}
+
+int grouser_in_distribution(const grouser_detector *detector, const double *row) {
+  double offset[GROUSER_MAX_COLUMNS], white[GROUSER_MAX_COLUMNS];
+  return in_box(detector, row) && distance(detector, row, offset, white) / detector->threshold <= 1.0;
+}
+
+grouser_detection grouser_detect(const grouser_detector *detector, const double *row) {
+  if (!in_box(detector, row)) return outside(detector, row);
   double offset[GROUSER_MAX_COLUMNS], white[GROUSER_MAX_COLUMNS];
   grouser_detection detection = {0, GROUSER_NONE, 0};
   detection.score = distance(detector, row, offset, white) / detector->threshold;

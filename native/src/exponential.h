@@ -35,4 +35,27 @@ static inline double expm1_negative(double z) {
   return scale * series + (scale - 1.0);
 }
 
+/* The same in float32, to about one unit in the last place; the Taylor sum ends at r^7/7!. */
+static inline float expm1_negative_single(float z) {
+  static const float LOG2E = 1.44269504f, LN2_HIGH = 0.693359375f, LN2_LOW = -2.12194440e-4f,
+                     SHIFT = 12582912.0f; /* 1.5 * 2^23 */
+  const float minus = z < 87.0f ? -z : -87.0f;
+  const float shifted = minus * LOG2E + SHIFT;
+  const float k = shifted - SHIFT;
+  const float r = (minus - k * LN2_HIGH) - k * LN2_LOW;
+  float p = 1.0f / 5040.0f;
+  p = p * r + 1.0f / 720.0f;
+  p = p * r + 1.0f / 120.0f;
+  p = p * r + 1.0f / 24.0f;
+  p = p * r + 1.0f / 6.0f;
+  p = p * r + 0.5f;
+  const float series = r + r * r * p;
+  uint32_t bits;
+  float scale;
+  memcpy(&bits, &shifted, sizeof bits);
+  bits = (bits + 127u) << 23;
+  memcpy(&scale, &bits, sizeof scale);
+  return scale * series + (scale - 1.0f);
+}
+
 #endif

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "lanes.h"
+#include "fleet_lanes.h"
 #include "threads.h"
 
 static double *cell(double *rows, int row, const grouser_fleet *fleet, int vehicle) {

@@ -2,9 +2,6 @@
 
 #include <math.h>
 
-/* Share of an element's static load below which cohesion fades with the contact. */
-static const double COHESION_FADE = 0.05;
-
 double grouser_side_load(const grouser_physics *block, double ay, enum grouser_side side, double *by_ay) {
   const double weight = block->mass * block->gravity;
   const double slope = (side == GROUSER_LEFT ? -1.0 : 1.0) * (block->mass * block->cg_height / block->tread);
@@ -50,7 +47,7 @@ grouser_strength grouser_shear_strength(const grouser_physics *block, const doub
     s.by_load = terrain[0] / area;
     s.by_parameter[0] = pressure;
   } else {
-    const double full_contact = COHESION_FADE * block->mass * block->gravity / (2 * block->wheels);
+    const double full_contact = GROUSER_COHESION_FADE * block->mass * block->gravity / (2 * block->wheels);
     const double fade = load < full_contact ? load / full_contact : 1.0;
     s.stress = terrain[0] * fade + pressure * tangent;
     s.by_load = (load < full_contact ? terrain[0] / full_contact : 0.0) + tangent / area;

@@ -1,7 +1,29 @@
+#include <stdlib.h>
+#include <string.h>
+
 #include "module.h"
 
-#include "cpu.h"
 #include "grouser/interface.h"
+
+static const grouser_level *chosen;
+
+const grouser_level *grouser_chosen_level(void) { return chosen; }
+
+/* -1 and an error raised if GROUSER_CPU names a level that was not compiled or that the processor does not have. */
+static int choose_level(void) {
+  const grouser_level *levels[GROUSER_LEVELS];
+  const int count = grouser_levels(levels);
+  const char *wanted = getenv("GROUSER_CPU");
+  for (int n = 0; n < count; n++)
+    if (!wanted || !*wanted || strcmp(wanted, levels[n]->name) == 0) {
+      chosen = levels[n];
+      return 0;
+    }
+  PyErr_Format(PyExc_ImportError, "GROUSER_CPU=%s: this build and processor run %s%s%s%s%s", wanted, levels[0]->name,
+               count > 1 ? ", " : "", count > 1 ? levels[1]->name : "", count > 2 ? ", " : "",
+               count > 2 ? levels[2]->name : "");
+  return -1;
+}
 
 static PyObject *columns(PyObject *module, PyObject *argument) {
   (void)module;
@@ -24,7 +46,7 @@ static PyObject *columns(PyObject *module, PyObject *argument) {
 static PyObject *cpu_level(PyObject *module, PyObject *unused) {
   (void)module;
   (void)unused;
-  return PyUnicode_FromString(grouser_cpu_level());
+  return PyUnicode_FromString(chosen->name);
 }
 
 static PyMethodDef methods[] = {
@@ -33,8 +55,9 @@ static PyMethodDef methods[] = {
     {NULL, NULL, 0, NULL}};
 
 static int execute(PyObject *module) {
-  int (*const add[])(PyObject *) = {grouser_add_physics_type,  grouser_add_mlp_type,   grouser_add_track_net_type,
-                                    grouser_add_detector_type, grouser_add_field_type, grouser_add_fleet_type};
+  int (*const add[])(PyObject *) = {grouser_add_bound_type, grouser_add_physics_type,  grouser_add_mlp_type,   grouser_add_track_net_type,
+                                    grouser_add_gated_type, grouser_add_detector_type, grouser_add_field_type, grouser_add_fleet_type};
+  if (choose_level() < 0) return -1;
   for (size_t n = 0; n < sizeof add / sizeof *add; n++)
     if (add[n](module) < 0) return -1;
   return 0;

@@ -25,3 +25,10 @@ int grouser_array_acquire(PyObject *object, const char *name, Py_ssize_t row_siz
 }
 
 void grouser_array_release(grouser_array *array) { PyBuffer_Release(&array->view); }
+
+int grouser_arrays_overlap(const grouser_array *a, const grouser_array *b, const char *what) {
+  const uintptr_t from = (uintptr_t)a->data, to = (uintptr_t)b->data;
+  if (from >= to + (uintptr_t)b->view.len || to >= from + (uintptr_t)a->view.len) return 0;
+  PyErr_Format(PyExc_ValueError, "%s must not share memory with another array of the call", what);
+  return 1;
+}

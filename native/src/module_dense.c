@@ -1,3 +1,4 @@
+#include <stdint.h>
 #include <string.h>
 
 #include "module.h"
@@ -37,40 +38,62 @@ static int read_widths(PyObject *widths, grouser_dense *net) {
   return 0;
 }
 
-/* Copies the packed float32 parameters and points every layer into the copy. */
-static float *pack_parameters(PyObject *bytes, grouser_dense *net) {
-  size_t count = 0;
-  for (int layer = 0; layer < net->layers; layer++)
-    count += (size_t)(net->widths[layer] + 1) * (size_t)net->widths[layer + 1];
+/* Copies `rows` x `columns` into padded rows of zeros and returns what follows them. */
+static float *padded_copy(const float *from, int rows, int columns, int by_row, int by_column, float *to) {
+  const int padded = grouser_padded(columns);
+  for (int r = 0; r < rows; r++)
+    for (int c = 0; c < padded; c++) to[(size_t)r * (size_t)padded + (size_t)c] = c < columns ? from[r * by_row + c * by_column] : 0.0f;
+  return to + (size_t)rows * (size_t)padded;
+}
+
+/* Lays the packed float32 parameters out as the kernels read them and points every layer there. */
+static void *lay_out_parameters(PyObject *bytes, grouser_dense *net) {
+  size_t given = 0, needed = 0;
+  net->widest = GROUSER_PANEL;
+  for (int layer = 0; layer < net->layers; layer++) {
+    const int inputs = net->widths[layer], outputs = net->widths[layer + 1];
+    given += (size_t)(inputs + 1) * (size_t)outputs;
+    needed += (size_t)(inputs + 1) * (size_t)grouser_padded(outputs) + (size_t)outputs * (size_t)grouser_padded(inputs);
+    if (grouser_padded(outputs) > net->widest) net->widest = grouser_padded(outputs);
+  }
   char *data;
   Py_ssize_t length;
   if (PyBytes_AsStringAndSize(bytes, &data, &length) < 0) return NULL;
-  if ((size_t)length != count * sizeof(float)) {
+  if ((size_t)length != given * sizeof(float)) {
     PyErr_Format(PyExc_ValueError, "these layers need %zd bytes of float32 parameters, got %zd",
-                 (Py_ssize_t)(count * sizeof(float)), length);
+                 (Py_ssize_t)(given * sizeof(float)), length);
     return NULL;
   }
-  float *parameters = PyMem_Malloc((size_t)length);
-  if (!parameters) {
-    PyErr_NoMemory();
-    return NULL;
+  void *memory = PyMem_Malloc(needed * sizeof(float) + GROUSER_ALIGNMENT);
+  float *values = PyMem_Malloc((size_t)length);
+  if (!memory || !values) {
+    PyMem_Free(memory);
+    PyMem_Free(values);
+    return PyErr_NoMemory();
   }
-  memcpy(parameters, data, (size_t)length);
-  float *next = parameters;
+  memcpy(values, data, (size_t)length);
+  float *next = (float *)(((uintptr_t)memory + GROUSER_ALIGNMENT - 1) / GROUSER_ALIGNMENT * GROUSER_ALIGNMENT);
+  const float *from = values;
   for (int layer = 0; layer < net->layers; layer++) {
+    const int inputs = net->widths[layer], outputs = net->widths[layer + 1];
+    const float *bias = from + (size_t)inputs * (size_t)outputs;
     net->weights[layer] = next;
-    next += (size_t)net->widths[layer] * (size_t)net->widths[layer + 1];
+    next = padded_copy(from, inputs, outputs, outputs, 1, next);
     net->biases[layer] = next;
-    next += net->widths[layer + 1];
+    next = padded_copy(bias, 1, outputs, 0, 1, next);
+    net->transposed[layer] = next;
+    next = padded_copy(from, outputs, inputs, 1, outputs, next);
+    from = bias + outputs;
   }
-  return parameters;
+  PyMem_Free(values);
+  return memory;
 }
 
-float *grouser_read_dense(int activation, PyObject *widths, PyObject *parameters, grouser_dense *net) {
+void *grouser_read_dense(int activation, PyObject *widths, PyObject *parameters, grouser_dense *net) {
   if (activation < GROUSER_RELU || activation > GROUSER_TANH) {
     PyErr_SetString(PyExc_ValueError, "activation must be 0 (relu), 1 (silu) or 2 (tanh)");
     return NULL;
   }
   net->activation = (enum grouser_activation)activation;
-  return read_widths(widths, net) < 0 ? NULL : pack_parameters(parameters, net);
+  return read_widths(widths, net) < 0 ? NULL : lay_out_parameters(parameters, net);
 }

@@ -25,6 +25,12 @@ static void fill_strip(const grouser_physics *block, double sign, int first, gro
   }
 }
 
+static void place_element(const grouser_physics *block, int i, grouser_element_motion *m) {
+  const double arm = grouser_element_arm(block, i);
+  m->center = block->contact_center + arm;
+  m->reach = block->contact == GROUSER_CONTINUOUS ? arm : 0.0;
+}
+
 /* Sums of every element of one track. */
 static void integrate_track(const grouser_physics *block, const double *row, double belt, double sign, int want_slopes,
                             grouser_element_sums *sums) {
@@ -42,13 +48,20 @@ static void integrate_track(const grouser_physics *block, const double *row, dou
   m.direction = belt / m.soft_belt;
   m.direction_slope = soft_square / (m.soft_belt * m.soft_belt * m.soft_belt);
   memset(sums, 0, sizeof *sums * (size_t)block->wheels);
-  for (int first = 0; first < block->along * block->across; first += GROUSER_STRIP) {
+  const int cells = block->along * block->across, single = block->precision == GROUSER_SINGLE;
+  for (int first = 0; single && first < cells; first += GROUSER_SINGLE_STRIP) {
+    grouser_single_strip strip;
+    grouser_fill_single_strip(block, first, &strip);
+    for (int i = 0; i < block->wheels; i++) {
+      place_element(block, i, &m);
+      grouser_single_cells(&m, &strip, sign * block->tread / 2, want_slopes, &sums[i]);
+    }
+  }
+  for (int first = 0; !single && first < cells; first += GROUSER_STRIP) {
     grouser_cell_strip strip;
     fill_strip(block, sign, first, &strip);
     for (int i = 0; i < block->wheels; i++) {
-      const double arm = grouser_element_arm(block, i);
-      m.center = block->contact_center + arm;
-      m.reach = continuous ? arm : 0.0;
+      place_element(block, i, &m);
       /* Forces come from their own pass, so that they have the same bits with and without slopes. */
       (exact ? grouser_exact_forces : grouser_soft_forces)(&m, &strip, &sums[i]);
       if (want_slopes) (exact ? grouser_exact_slopes : grouser_soft_slopes)(&m, &strip, &sums[i]);

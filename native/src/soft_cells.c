@@ -2,14 +2,12 @@
 #include <string.h>
 
 #include "cells.h"
-#include "cpu.h"
 #include "exponential.h"
 
 static double lane_total(const double lane[GROUSER_LANES]) {
   return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }
 
-GROUSER_CLONES
 void grouser_soft_forces(const grouser_element_motion *m, const grouser_cell_strip *strip, grouser_element_sums *sums) {
   double fx_lane[GROUSER_LANES] = {0}, fy_lane[GROUSER_LANES] = {0}, m_lane[GROUSER_LANES] = {0};
   const double gain = 1.0 / (m->soft_belt * m->modulus);
@@ -34,7 +32,6 @@ void grouser_soft_forces(const grouser_element_motion *m, const grouser_cell_str
 
 /* dF = -(phi1 I + (exp(-z) - phi1) n n') du, n = u/|u|; along u itself the bracket is exp(-z). The slopes by yaw rate
  * follow from those by vx and vy at the cell. */
-GROUSER_CLONES
 void grouser_soft_slopes(const grouser_element_motion *m, const grouser_cell_strip *strip, grouser_element_sums *sums) {
   double lane[GROUSER_SLOPES][GROUSER_OUTPUTS][GROUSER_LANES];
   memset(lane, 0, sizeof lane);

@@ -1,271 +1,295 @@
 #include "grouser/track_net.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
-#include "cpu.h"
-#include "exponential.h"
 #include "load.h"
+#include "shear_point.h"
 
-/* What a track's features are differentiated by: columns of the mirrored track, then the shear modulus. */
+/* What a track's shear is differentiated by: columns of the mirrored track, then the shear modulus. */
 enum { BY_VX, BY_VY, BY_YAW_RATE, BY_BELT, BY_MODULUS, DIRECTIONS };
+enum { SIDES = 2, PLACES = SIDES * GROUSER_POINTS };
 
-/* A number with its derivatives. */
-typedef struct {
-  double v, d[DIRECTIONS];
-} dual;
-
-static dual variable(double value, int direction) {
-  dual r = {value, {0}};
-  r.d[direction] = 1;
-  return r;
-}
-
-static dual scaled(double gain, dual a) {
-  dual r = {gain * a.v, {0}};
-  for (int q = 0; q < DIRECTIONS; q++) r.d[q] = gain * a.d[q];
-  return r;
-}
-
-static dual add(dual a, dual b) {
-  dual r = {a.v + b.v, {0}};
-  for (int q = 0; q < DIRECTIONS; q++) r.d[q] = a.d[q] + b.d[q];
-  return r;
-}
-
-static dual multiply(dual a, dual b) {
-  dual r = {a.v * b.v, {0}};
-  for (int q = 0; q < DIRECTIONS; q++) r.d[q] = a.d[q] * b.v + a.v * b.d[q];
-  return r;
-}
-
-/* f(a), given f and f' there. */
-static dual chained(dual a, double value, double slope) {
-  dual r = {value, {0}};
-  for (int q = 0; q < DIRECTIONS; q++) r.d[q] = slope * a.d[q];
-  return r;
-}
-
-/* sqrt(square), exactly 0 where it vanishes, with a finite derivative. */
-static dual root(dual square) {
-  const double value = sqrt(square.v + 1e-300);
-  return chained(square, value - 1e-150, 0.5 / value);
-}
-
-/* phi1(z) = (1 - exp(-z))/z and its slope. */
-static dual shear_factor(dual z) {
-  if (!(z.v > 1e-12)) return chained(z, 1.0 - z.v / 2, -0.5);
-  const double rise = -expm1(-z.v), value = rise / z.v;
-  /* (exp(-z) - phi1)/z loses its digits below, where the series -1/2 + z/3 - z^2/8 has them. */
-  const double slope = z.v < 1e-3 ? -0.5 + z.v * (1.0 / 3 - z.v / 8) : (1.0 - rise - value) / z.v;
-  return chained(z, value, slope);
-}
-
-typedef struct {
-  dual shear[GROUSER_SHEAR], feature[GROUSER_FEATURES], gate, direction;
-} track_slip;
-
-static void slip_of(const grouser_track_net *net, const double *x, enum grouser_side side, track_slip *slip) {
+static grouser_part part_of(const grouser_track_net *net, int point) {
   const grouser_physics *block = &net->block;
-  const double sign = side == GROUSER_LEFT ? 1.0 : -1.0;
-  const double belt = x[side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT];
-  const double modulus = x[grouser_columns(block->mode) - 1];
-  const dual vx = variable(x[GROUSER_VX], BY_VX), vy = variable(sign * x[GROUSER_VY], BY_VY);
-  const dual yaw_rate = variable(sign * x[GROUSER_YAW_RATE], BY_YAW_RATE), vt = variable(belt, BY_BELT);
-  const dual across = add(vy, scaled(block->contact_center, yaw_rate));
-  const dual along = add(add(vx, scaled(-block->tread / 2, yaw_rate)), scaled(-1.0, vt));
-
-  const double soft_square = block->soft_speed * block->soft_speed, soft_belt = sqrt(belt * belt + soft_square);
-  const double direction = belt / soft_belt, per_meter = 1.0 / (soft_belt * modulus);
-  dual s = {direction, {0}}, t = {per_meter, {0}};
-  s.d[BY_BELT] = soft_square / (soft_belt * soft_belt * soft_belt);
-  t.d[BY_BELT] = -per_meter * direction / soft_belt;
-  t.d[BY_MODULUS] = -per_meter / modulus;
-
-  const double width_square = block->track_width * block->track_width / 12;
-  const dual spread = add(multiply(along, along), scaled(width_square, multiply(yaw_rate, yaw_rate)));
-  dual end[2 * GROUSER_POINTS], size[2 * GROUSER_POINTS];
-  for (int e = 0; e < 2 * GROUSER_POINTS; e++) {
-    end[e] = add(across, scaled(net->ends[e], yaw_rate));
-    size[e] = root(add(spread, multiply(end[e], end[e])));
-  }
-  const dual bend = scaled(net->part_length * net->part_length / 12, multiply(multiply(s, yaw_rate), t));
-  for (int j = 0; j < GROUSER_POINTS; j++) {
-    dual travelled = scaled(-net->reach[j], s);
-    travelled.v += net->half_travel;
-    travelled = multiply(travelled, t);
-    const dual z = multiply(scaled(0.5, add(size[j], size[GROUSER_POINTS + j])), travelled);
-    const dual factor = shear_factor(z);
-    const dual gain = scaled(-1.0, multiply(travelled, factor));
-    const dual decay = chained(z, 1.0 - z.v * factor.v, -exp(-z.v));
-    slip->shear[j] = multiply(gain, along);
-    slip->shear[GROUSER_POINTS + j] =
-        add(multiply(decay, bend), multiply(gain, scaled(0.5, add(end[j], end[GROUSER_POINTS + j]))));
-  }
-
-  const dual turning = scaled(block->contact_length / 2, yaw_rate);
-  const dual square = add(add(multiply(along, along), multiply(across, across)), multiply(turning, turning));
-  const dual reach = scaled(net->half_travel, t);
-  const dual z = multiply(root(square), reach);
-  const dual scale = multiply(reach, shear_factor(z));
-  slip->gate = chained(z, z.v * shear_factor(z).v, exp(-z.v));
-  memcpy(slip->feature, slip->shear, sizeof slip->shear);
-  slip->feature[GROUSER_SHEAR] = multiply(along, scale);
-  slip->feature[GROUSER_SHEAR + 1] = multiply(across, scale);
-  slip->feature[GROUSER_SHEAR + 2] = multiply(turning, scale);
-  slip->feature[GROUSER_SHEAR + 3] = chained(z, z.v / (z.v + 4), 4 / ((z.v + 4) * (z.v + 4)));
-  slip->feature[GROUSER_SHEAR + 4] = s;
-  slip->direction = s;
+  grouser_part p;
+  p.half_tread = block->tread / 2;
+  p.center = block->contact_center;
+  p.width_square = block->track_width * block->track_width / 12;
+  p.rear = net->ends[point];
+  p.front = net->ends[GROUSER_POINTS + point];
+  p.reach = net->reach[point];
+  p.half_travel = net->half_travel;
+  p.part_square = net->part_length * net->part_length / 12;
+  return p;
 }
 
-/* The same without derivatives. */
+/* The load of a track, the strength under its elements, and what they make of the shear at the points. */
 typedef struct {
-  double shear[GROUSER_SHEAR], feature[GROUSER_FEATURES], gate, direction;
-} track_values;
+  double load, load_by_ay, rolling;
+  const double *share, *share_by_ax; /* by element */
+  grouser_strength strength[GROUSER_MAX_WHEELS]; /* in N */
+  double force[GROUSER_POINTS], moment[GROUSER_POINTS];
+} track_load;
 
-GROUSER_CLONES
-static void values_of(const grouser_track_net *net, const double *x, enum grouser_side side, track_values *values) {
+static void load_track(const grouser_track_net *net, const double *x, enum grouser_side side, double tangent,
+                       track_load *t) {
   const grouser_physics *block = &net->block;
-  const double sign = side == GROUSER_LEFT ? 1.0 : -1.0;
-  const double belt = x[side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT];
-  const double yaw_rate = sign * x[GROUSER_YAW_RATE];
-  const double across = sign * x[GROUSER_VY] + block->contact_center * yaw_rate;
-  const double along = x[GROUSER_VX] - block->tread / 2 * yaw_rate - belt;
-  const double soft_belt = sqrt(belt * belt + block->soft_speed * block->soft_speed);
-  const double direction = belt / soft_belt;
-  const double per_meter = 1.0 / (soft_belt * x[grouser_columns(block->mode) - 1]);
-  const double spread =
-      along * along + block->track_width * block->track_width / 12 * (yaw_rate * yaw_rate) + 1e-300;
-  const double bend = net->part_length * net->part_length / 12 * (direction * yaw_rate * per_meter);
-  double end[2 * GROUSER_POINTS], size[2 * GROUSER_POINTS];
-  for (int e = 0; e < 2 * GROUSER_POINTS; e++) {
-    end[e] = across + net->ends[e] * yaw_rate;
-    size[e] = sqrt(spread + end[e] * end[e]);
+  const double area = block->element_length * block->track_width;
+  t->rolling = x[grouser_columns(block->mode) - 2];
+  t->load = grouser_side_load(block, x[GROUSER_AY], side, &t->load_by_ay);
+  for (int i = 0; i < block->wheels; i++) {
+    t->strength[i] = grouser_shear_strength(block, x + GROUSER_TERRAIN, tangent, t->load * t->share[i]);
+    t->strength[i].stress *= area;
   }
   for (int j = 0; j < GROUSER_POINTS; j++) {
-    const double travelled = (net->half_travel - net->reach[j] * direction) * per_meter;
-    const double z = 0.5 * (size[j] + size[GROUSER_POINTS + j]) * travelled;
-    const double rise = expm1_negative(z);
-    const double gain = z > 0 ? rise / (z > 0 ? z : 1.0) * travelled : -travelled;
-    values->shear[j] = gain * along;
-    values->shear[GROUSER_POINTS + j] = (1.0 + rise) * bend + gain * (0.5 * (end[j] + end[GROUSER_POINTS + j]));
+    t->force[j] = t->moment[j] = 0;
+    for (int i = 0; i < block->wheels; i++) {
+      const double mean = net->mean[j][i];
+      t->force[j] += t->strength[i].stress * mean;
+      t->moment[j] +=
+          t->strength[i].stress * (net->arm[i] * mean + block->element_length / 2 * net->moment[j][i]);
+    }
   }
-  const double turning = block->contact_length / 2 * yaw_rate;
-  const double reach = net->half_travel * per_meter;
-  const double z = (sqrt(along * along + across * across + turning * turning + 1e-300) - 1e-150) * reach;
-  const double gate = -expm1_negative(z), scale = z > 0 ? gate / z * reach : reach;
-  memcpy(values->feature, values->shear, sizeof values->shear);
-  values->feature[GROUSER_SHEAR] = along * scale;
-  values->feature[GROUSER_SHEAR + 1] = across * scale;
-  values->feature[GROUSER_SHEAR + 2] = turning * scale;
-  values->feature[GROUSER_SHEAR + 3] = z / (z + 4);
-  values->feature[GROUSER_SHEAR + 4] = direction;
-  values->gate = gate;
-  values->direction = direction;
 }
 
-/* One force component as a sum over the units: its coefficient of unit `u` at unit strength. */
-static double lever(const grouser_physics *block, int component, int unit) {
+/* Slip, shear and gate of one or two tracks, place by place: the points of the first, then those of the second. */
+typedef struct {
+  grouser_slip slip[SIDES];
+  grouser_gate gate[SIDES];
+  double x[PLACES], x_by[DIRECTIONS][PLACES], y[PLACES], y_by[DIRECTIONS][PLACES];
+} track_shear;
+
+GROUSER_INLINE void shear_tracks(const grouser_track_net *net, const double *row,
+                                 const enum grouser_side side[SIDES], int sides, const int want_slopes,
+                                 track_shear *shear) {
+  const grouser_physics *block = &net->block;
+  double along[PLACES], across[PLACES], yaw_rate[PLACES], soft_belt[PLACES], direction[PLACES], direction_slope[PLACES];
+  double per_meter[PLACES], modulus[PLACES], rear[PLACES], front[PLACES], reach[PLACES];
+  for (int k = 0; k < SIDES; k++) {
+    const int from = k < sides ? k : 0;
+    const double sign = side[from] == GROUSER_LEFT ? 1.0 : -1.0;
+    const grouser_slip s = grouser_slip_of(
+        row[GROUSER_VX], sign * row[GROUSER_VY], sign * row[GROUSER_YAW_RATE],
+        row[side[from] == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT], row[grouser_columns(block->mode) - 1],
+        block->tread / 2, block->contact_center, block->soft_speed);
+    shear->slip[k] = s;
+    shear->gate[k] =
+        grouser_gate_of(s, block->tread / 2, block->contact_center, block->contact_length / 2, net->half_travel);
+    for (int j = 0; j < GROUSER_POINTS; j++) {
+      const int q = k * GROUSER_POINTS + j;
+      along[q] = s.along;
+      across[q] = s.across;
+      yaw_rate[q] = s.yaw_rate;
+      soft_belt[q] = s.soft_belt;
+      direction[q] = s.direction;
+      direction_slope[q] = s.direction_slope;
+      per_meter[q] = s.per_meter;
+      modulus[q] = s.modulus;
+      rear[q] = net->ends[j];
+      front[q] = net->ends[GROUSER_POINTS + j];
+      reach[q] = net->reach[j];
+    }
+  }
+  const grouser_part part = part_of(net, 0);
+  for (int q = 0; q < PLACES; q++) {
+    const grouser_slip s = {along[q],     across[q],          yaw_rate[q],  soft_belt[q],
+                            direction[q], direction_slope[q], per_meter[q], modulus[q]};
+    const grouser_part p = {part.half_tread, part.center, part.width_square, rear[q],
+                            front[q],        reach[q],    part.half_travel,  part.part_square};
+    const grouser_shear_point j = grouser_shear_at(s, p);
+    shear->x[q] = j.x;
+    shear->y[q] = j.y;
+    if (!want_slopes) continue;
+    shear->x_by[BY_VX][q] = j.x_by_vx;
+    shear->x_by[BY_VY][q] = j.x_by_vy;
+    shear->x_by[BY_YAW_RATE][q] = j.x_by_yaw;
+    shear->x_by[BY_BELT][q] = j.x_by_belt;
+    shear->x_by[BY_MODULUS][q] = j.x_by_modulus;
+    shear->y_by[BY_VX][q] = j.y_by_vx;
+    shear->y_by[BY_VY][q] = j.y_by_vy;
+    shear->y_by[BY_YAW_RATE][q] = j.y_by_yaw;
+    shear->y_by[BY_BELT][q] = j.y_by_belt;
+    shear->y_by[BY_MODULUS][q] = j.y_by_modulus;
+  }
+}
+
+/* [Fx, Fy, M] of a mirrored track as sums over units: coefficient of unit `u` at unit strength. */
+static double lever(const grouser_track_net *net, int component, int unit) {
+  const grouser_physics *block = &net->block;
   const int element = unit % block->wheels, kind = unit / block->wheels;
   if (component < 2) return kind == component ? 1.0 : 0.0;
   if (kind == 0) return -block->tread / 2;
-  return kind == 1 ? block->contact_center + grouser_element_arm(block, element) : block->element_length / 2;
+  return kind == 1 ? net->arm[element] : block->element_length / 2;
+}
+
+typedef struct {
+  double correction[GROUSER_MAX_UNITS];
+  grouser_slopes slopes;
+} track_correction;
+
+static void correct_track(const grouser_track_net *net, const track_shear *shear, int k, track_correction *c,
+                          int want_slopes) {
+  float input[GROUSER_FEATURES], output[GROUSER_MAX_WIDTH];
+  double feature[GROUSER_FEATURES];
+  for (int j = 0; j < GROUSER_POINTS; j++) {
+    feature[j] = shear->x[k * GROUSER_POINTS + j];
+    feature[GROUSER_POINTS + j] = shear->y[k * GROUSER_POINTS + j];
+  }
+  feature[GROUSER_SHEAR] = shear->gate[k].z / (shear->gate[k].z + 4);
+  feature[GROUSER_SHEAR + 1] = shear->slip[k].direction;
+  for (int f = 0; f < GROUSER_FEATURES; f++)
+    input[f] = (float)((feature[f] - net->input_mean[f]) * net->input_gain[f]);
+  grouser_dense_forward(&net->dense, input, output, want_slopes ? c->slopes : NULL);
+  for (int u = 0; u < 3 * net->block.wheels; u++)
+    c->correction[u] = net->output_mean[u] + net->output_scale[u] * (double)output[u];
+}
+
+static void track_force(const grouser_track_net *net, const track_shear *shear, int k, enum grouser_side side,
+                        const track_load *t, const track_correction *c, double force[GROUSER_OUTPUTS]) {
+  const grouser_physics *block = &net->block;
+  const int wheels = block->wheels;
+  double along = 0, across = 0, moment = 0;
+  for (int i = 0; i < wheels; i++) {
+    const double stress = t->strength[i].stress;
+    along += stress * c->correction[i];
+    across += stress * c->correction[wheels + i];
+    moment += stress * (net->arm[i] * c->correction[wheels + i] +
+                        block->element_length / 2 * c->correction[2 * wheels + i]);
+  }
+  double fx = shear->gate[k].gate * along;
+  double fy = shear->gate[k].gate * across, turning = shear->gate[k].gate * moment;
+  for (int j = 0; j < GROUSER_POINTS; j++) {
+    fx += t->force[j] * shear->x[k * GROUSER_POINTS + j];
+    fy += t->force[j] * shear->y[k * GROUSER_POINTS + j];
+    turning += t->moment[j] * shear->y[k * GROUSER_POINTS + j];
+  }
+  fx -= t->rolling * t->load * shear->slip[k].direction;
+  const double sign = side == GROUSER_LEFT ? 1.0 : -1.0;
+  force[0] = fx;
+  force[1] = sign * fy;
+  force[2] = sign * (turning - block->tread / 2 * fx);
+}
+
+static void track_jacobian(const grouser_track_net *net, const track_shear *shear, int k, enum grouser_side side,
+                           const track_load *t, track_correction *c, double *jacobian) {
+  const grouser_physics *block = &net->block;
+  const grouser_gate *gate = &shear->gate[k];
+  const int columns = grouser_columns(block->mode), wheels = block->wheels, units = 3 * wheels;
+  const double half_tread = block->tread / 2, area = block->element_length * block->track_width;
+  const double *x = shear->x + k * GROUSER_POINTS, *y = shear->y + k * GROUSER_POINTS;
+  float rows[GROUSER_SEEDS * GROUSER_MAX_WIDTH];
+  double by_gate[GROUSER_OUTPUTS] = {0, 0, 0};
+  for (int n = 0; n < GROUSER_OUTPUTS; n++)
+    for (int u = 0; u < units; u++) {
+      const double seed = t->strength[u % wheels].stress * lever(net, n, u);
+      rows[n * GROUSER_MAX_WIDTH + u] = (float)(seed * gate->gate * net->output_scale[u]);
+      by_gate[n] += seed * c->correction[u];
+    }
+  grouser_dense_backward(&net->dense, c->slopes, rows);
+
+  /* Rows and columns that change their sign between a track and its mirror image. */
+  const double sign = side == GROUSER_LEFT ? 1.0 : -1.0;
+  const int belt_column = side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT;
+  const int column[DIRECTIONS] = {GROUSER_VX, GROUSER_VY, GROUSER_YAW_RATE, belt_column, columns - 1};
+  const double column_sign[DIRECTIONS] = {1, sign, sign, 1, 1};
+  const double z_by[DIRECTIONS] = {gate->z_by_vx, gate->z_by_vy, gate->z_by_yaw, gate->z_by_belt, gate->z_by_modulus};
+  const double size_by_z = 4 / ((gate->z + 4) * (gate->z + 4));
+  memset(jacobian, 0, sizeof(double) * GROUSER_OUTPUTS * (size_t)columns);
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) {
+    double *slope = jacobian + n * columns, by_feature[GROUSER_FEATURES], by_x[GROUSER_POINTS], by_y[GROUSER_POINTS];
+    const double row_sign = n == 0 ? 1.0 : sign;
+    const double along_lever = n == 0 ? 1.0 : n == 2 ? -half_tread : 0.0;
+    const double by_direction = -along_lever * t->rolling * t->load;
+    for (int f = 0; f < GROUSER_FEATURES; f++)
+      by_feature[f] = (double)rows[n * GROUSER_MAX_WIDTH + f] * net->input_gain[f];
+    for (int j = 0; j < GROUSER_POINTS; j++) {
+      by_x[j] = by_feature[j] + along_lever * t->force[j];
+      by_y[j] = by_feature[GROUSER_POINTS + j] + (n == 1 ? t->force[j] : n == 2 ? t->moment[j] : 0.0);
+    }
+    const double by_z = by_gate[n] * gate->gate_by_z + by_feature[GROUSER_SHEAR] * size_by_z;
+    for (int q = 0; q < DIRECTIONS; q++) {
+      double sum = by_z * z_by[q];
+      if (q == BY_BELT) sum += (by_direction + by_feature[GROUSER_SHEAR + 1]) * shear->slip[k].direction_slope;
+      for (int j = 0; j < GROUSER_POINTS; j++)
+        sum += by_x[j] * shear->x_by[q][k * GROUSER_POINTS + j] + by_y[j] * shear->y_by[q][k * GROUSER_POINTS + j];
+      slope[column[q]] = row_sign * column_sign[q] * sum;
+    }
+    slope[GROUSER_AY] = -row_sign * along_lever * t->rolling * t->load_by_ay * shear->slip[k].direction;
+    slope[columns - 2] = -row_sign * along_lever * t->load * shear->slip[k].direction;
+    for (int i = 0; i < wheels; i++) {
+      const grouser_strength s = t->strength[i];
+      double along = gate->gate * c->correction[i], across = gate->gate * c->correction[wheels + i];
+      double turning = gate->gate * c->correction[2 * wheels + i];
+      for (int j = 0; j < GROUSER_POINTS; j++) {
+        along += net->mean[j][i] * x[j];
+        across += net->mean[j][i] * y[j];
+        turning += net->moment[j][i] * y[j];
+      }
+      const double unit = n == 0   ? along
+                          : n == 1 ? across
+                                   : net->arm[i] * across + block->element_length / 2 * turning - half_tread * along;
+      const double gain = row_sign * area * unit;
+      slope[GROUSER_AX] += gain * s.by_load * t->load * t->share_by_ax[i];
+      slope[GROUSER_AY] += gain * s.by_load * t->load_by_ay * t->share[i];
+      for (int p = 0; p < columns - GROUSER_TERRAIN - 2; p++) slope[GROUSER_TERRAIN + p] += gain * s.by_parameter[p];
+    }
+  }
+}
+
+GROUSER_INLINE void evaluate_sides(const grouser_track_net *net, const double *x,
+                                   const enum grouser_side side[SIDES], int sides, const int want_slopes,
+                                   double force[SIDES][GROUSER_OUTPUTS], double *const jacobian[SIDES]) {
+  double share[GROUSER_MAX_WHEELS], share_by_ax[GROUSER_MAX_WHEELS];
+  track_shear shear;
+  shear_tracks(net, x, side, sides, want_slopes, &shear);
+  grouser_element_shares(&net->block, x[GROUSER_AX], share, share_by_ax);
+  const double tangent = grouser_friction_tangent(&net->block, x + GROUSER_TERRAIN);
+  for (int k = 0; k < sides; k++) {
+    track_load load;
+    track_correction correction;
+    load.share = share;
+    load.share_by_ax = share_by_ax;
+    load_track(net, x, side[k], tangent, &load);
+    correct_track(net, &shear, k, &correction, want_slopes);
+    track_force(net, &shear, k, side[k], &load, &correction, force[k]);
+    if (want_slopes) track_jacobian(net, &shear, k, side[k], &load, &correction, jacobian[k]);
+  }
+}
+
+/* Both sides are of one row, so that what does not know them apart is computed once. */
+static void evaluate(const grouser_track_net *net, const double *x, const enum grouser_side side[SIDES], int sides,
+                     double force[SIDES][GROUSER_OUTPUTS], double *const jacobian[SIDES]) {
+  if (jacobian[0])
+    evaluate_sides(net, x, side, sides, 1, force, jacobian);
+  else
+    evaluate_sides(net, x, side, sides, 0, force, jacobian);
+}
+
+void grouser_track_net_prepare(grouser_track_net *net) {
+  for (int i = 0; i < net->block.wheels; i++)
+    net->arm[i] = net->block.contact_center + grouser_element_arm(&net->block, i);
+  for (int f = 0; f < GROUSER_FEATURES; f++) net->input_gain[f] = 1.0 / net->input_scale[f];
 }
 
 void grouser_track_net_track(const grouser_track_net *net, const double *x, enum grouser_side side,
                              double force[GROUSER_OUTPUTS], double *jacobian) {
-  const grouser_physics *block = &net->block;
-  const int columns = grouser_columns(block->mode), wheels = block->wheels, units = 3 * wheels;
-  const double area = block->element_length * block->track_width, rolling = x[columns - 2];
-  track_values values;
-  values_of(net, x, side, &values);
-
-  float input[GROUSER_FEATURES], output[GROUSER_MAX_WIDTH];
-  grouser_slopes slopes;
-  for (int f = 0; f < GROUSER_FEATURES; f++)
-    input[f] = (float)((values.feature[f] - net->input_mean[f]) / net->input_scale[f]);
-  grouser_dense_forward(&net->dense, input, output, slopes);
-
-  double correction[GROUSER_MAX_UNITS], unit[GROUSER_MAX_UNITS];
-  for (int u = 0; u < units; u++) {
-    correction[u] = net->output_mean[u] + net->output_scale[u] * (double)output[u];
-    unit[u] = values.gate * correction[u];
-  }
-  for (int k = 0; k < GROUSER_SHEAR; k++)
-    for (int u = 0; u < units; u++) unit[u] += values.shear[k] * net->weights[k * units + u];
-
-  double share[GROUSER_MAX_WHEELS], share_by_ax[GROUSER_MAX_WHEELS], load_by_ay;
-  grouser_strength strength[GROUSER_MAX_WHEELS];
-  const double load = grouser_side_load(block, x[GROUSER_AY], side, &load_by_ay);
-  const double tangent = grouser_friction_tangent(block, x + GROUSER_TERRAIN);
-  grouser_element_shares(block, x[GROUSER_AX], share, share_by_ax);
-
-  const double half_tread = block->tread / 2;
-  double fx = -rolling * load * values.direction, fy = 0, moment = 0;
-  for (int i = 0; i < wheels; i++) {
-    strength[i] = grouser_shear_strength(block, x + GROUSER_TERRAIN, tangent, load * share[i]);
-    strength[i].stress *= area;
-    const double arm = block->contact_center + grouser_element_arm(block, i);
-    const double across = unit[wheels + i];
-    fx += strength[i].stress * unit[i];
-    fy += strength[i].stress * across;
-    moment += strength[i].stress * (arm * across + block->element_length / 2 * unit[2 * wheels + i]);
-  }
-  /* Rows and columns that change their sign between a track and its mirror image. */
-  const double sign = side == GROUSER_LEFT ? 1.0 : -1.0;
-  force[0] = fx;
-  force[1] = sign * fy;
-  force[2] = sign * (moment - half_tread * fx);
-  if (!jacobian) return;
-
-  track_slip slip;
-  slip_of(net, x, side, &slip);
-  float rows[GROUSER_SEEDS * GROUSER_MAX_WIDTH] = {0};
-  double by_shear[GROUSER_OUTPUTS][GROUSER_SHEAR] = {{0}}, by_gate[GROUSER_OUTPUTS] = {0};
-  for (int n = 0; n < GROUSER_OUTPUTS; n++)
-    for (int u = 0; u < units; u++) {
-      const double seed = strength[u % wheels].stress * lever(block, n, u);
-      rows[n * GROUSER_MAX_WIDTH + u] = (float)(seed * slip.gate.v * net->output_scale[u]);
-      by_gate[n] += seed * correction[u];
-      for (int k = 0; k < GROUSER_SHEAR; k++) by_shear[n][k] += seed * net->weights[k * units + u];
-    }
-  grouser_dense_backward(&net->dense, slopes, rows);
-
-  memset(jacobian, 0, sizeof(double) * GROUSER_OUTPUTS * (size_t)columns);
-  const int belt_column = side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT;
-  const int column[DIRECTIONS] = {GROUSER_VX, GROUSER_VY, GROUSER_YAW_RATE, belt_column, columns - 1};
-  const double column_sign[DIRECTIONS] = {1, sign, sign, 1, 1};
-  for (int n = 0; n < GROUSER_OUTPUTS; n++) {
-    double *slope = jacobian + n * columns;
-    const double row_sign = n == 0 ? 1.0 : sign;
-    const double resistance_lever = n == 0 ? 1.0 : n == 2 ? -half_tread : 0.0;
-    for (int q = 0; q < DIRECTIONS; q++) {
-      double sum = by_gate[n] * slip.gate.d[q] - resistance_lever * rolling * load * slip.direction.d[q];
-      for (int k = 0; k < GROUSER_SHEAR; k++) sum += by_shear[n][k] * slip.shear[k].d[q];
-      for (int f = 0; f < GROUSER_FEATURES; f++)
-        sum += (double)rows[n * GROUSER_MAX_WIDTH + f] / net->input_scale[f] * slip.feature[f].d[q];
-      slope[column[q]] = row_sign * column_sign[q] * sum;
-    }
-    slope[GROUSER_AY] -= row_sign * resistance_lever * rolling * load_by_ay * slip.direction.v;
-    slope[columns - 2] -= row_sign * resistance_lever * load * slip.direction.v;
-    for (int u = 0; u < units; u++) {
-      const int i = u % wheels;
-      const double gain = row_sign * area * lever(block, n, u) * unit[u];
-      slope[GROUSER_AX] += gain * strength[i].by_load * load * share_by_ax[i];
-      slope[GROUSER_AY] += gain * strength[i].by_load * load_by_ay * share[i];
-      for (int p = 0; p < columns - GROUSER_TERRAIN - 2; p++)
-        slope[GROUSER_TERRAIN + p] += gain * strength[i].by_parameter[p];
-    }
-  }
+  const enum grouser_side sides[SIDES] = {side, side};
+  double *const jacobians[SIDES] = {jacobian, NULL};
+  double forces[SIDES][GROUSER_OUTPUTS];
+  evaluate(net, x, sides, 1, forces, jacobians);
+  memcpy(force, forces[0], sizeof forces[0]);
 }
 
 void grouser_track_net_forces(const grouser_track_net *net, const double *x, double force[GROUSER_OUTPUTS],
                               double *jacobian) {
   const int entries = GROUSER_OUTPUTS * grouser_columns(net->block.mode);
-  double right[GROUSER_OUTPUTS], right_jacobian[GROUSER_OUTPUTS * GROUSER_MAX_COLUMNS];
-  grouser_track_net_track(net, x, GROUSER_LEFT, force, jacobian);
-  grouser_track_net_track(net, x, GROUSER_RIGHT, right, jacobian ? right_jacobian : NULL);
-  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += right[n];
+  const enum grouser_side sides[SIDES] = {GROUSER_LEFT, GROUSER_RIGHT};
+  double right_jacobian[GROUSER_OUTPUTS * GROUSER_MAX_COLUMNS], forces[SIDES][GROUSER_OUTPUTS];
+  double *const jacobians[SIDES] = {jacobian, jacobian ? right_jacobian : NULL};
+  evaluate(net, x, sides, SIDES, forces, jacobians);
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = forces[0][n] + forces[1][n];
   if (jacobian)
     for (int n = 0; n < entries; n++) jacobian[n] += right_jacobian[n];
 }

@@ -25,6 +25,8 @@ class Objective(Protocol):
     output_normalizer: Normalizer
     #: The artifact's feature map.
     feature_map: str
+    #: Whether the network adds to what is near the truth already, and so starts with outputs of zero.
+    corrects: bool
 
     def tensors(self, inputs: FloatArray, forces: FloatArray) -> tuple[Any, ...]:
         """Return float32 tensors, one row each, that :meth:`errors` takes."""
@@ -49,6 +51,7 @@ class PlainObjective:
     """Normalized forces from normalized interface columns, in whitened coordinates if the recipe says so."""
 
     feature_map = "interface"
+    corrects = False
 
     def __init__(self, config: TrainingConfig, inputs: FloatArray, forces: FloatArray) -> None:
         self.input_normalizer, self.output_normalizer = Normalizer.fit(inputs), Normalizer.fit(forces)
@@ -79,6 +82,7 @@ class StructuredObjective:
     """
 
     feature_map = "track"
+    corrects = True
 
     def __init__(self, config: TrainingConfig, vehicle: TrackedVehicle, mode: Mode, inputs: FloatArray) -> None:
         self._vehicle, self._mode = vehicle, mode
@@ -90,7 +94,7 @@ class StructuredObjective:
         self._levers = np.array([1.0, 1.0, vehicle.contact_length / 4])
 
     def tensors(self, inputs: FloatArray, forces: FloatArray) -> tuple[Any, ...]:
-        """Return features (n, 2, 13), element weights (n, 2, elements) and what the quadrature leaves (n, 3)."""
+        """Return features (n, 2, 10), element weights (n, 2, elements) and what the quadrature leaves (n, 3)."""
         states = {side: self.state(inputs, side) for side in SIDES}
         left = forces.copy()
         for side, state in states.items():

@@ -40,7 +40,9 @@ class Preset:
 
 _STRUCTURED: Final = TrainingConfig(
     family="structured",
-    hidden=(32, 32),
+    # A layer is one vector of the widest units: 32 would leave a quarter of the error for twice the time.
+    hidden=(16, 16),
+    space_filling_rows=200_000,
     schedule="cosine",
     epochs=40,
     patience=40,

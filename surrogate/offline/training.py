@@ -182,7 +182,7 @@ def optimize(
 
     rows, held_out = (objective.tensors(inputs, forces) for inputs, forces in sides)
     count = len(rows[0])
-    module = _initial_module(objective.widths, config)
+    module = _initial_module(objective, config)
     optimizer = torch.optim.Adam(module.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     weights = torch.tensor(config.output_weights)
 
@@ -238,11 +238,14 @@ def _rate(config: TrainingConfig, state: TrainingState, share: float) -> float:
     return config.learning_rate * (1.0 + math.cos(math.pi * (done - _WARM_UP) / (1.0 - _WARM_UP))) / 2
 
 
-def _initial_module(widths: tuple[int, ...], config: TrainingConfig) -> Any:
+def _initial_module(objective: Objective, config: TrainingConfig) -> Any:
     """Return the network at its random start, with dropout behind every activation."""
     import torch
 
-    plain = torch_module(random_network(widths, config.activation, np.random.default_rng(config.seed)))
+    plain = torch_module(random_network(objective.widths, config.activation, np.random.default_rng(config.seed)))
+    if objective.corrects:
+        for parameters in plain[-1].parameters():
+            torch.nn.init.zeros_(parameters)
     if config.dropout == 0:
         return plain
     parts: list[Any] = []

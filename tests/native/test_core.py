@@ -15,6 +15,7 @@ M113: dict[str, Any] = {
     "mode": 0,
     "contact": 0,
     "path": 0,
+    "precision": 0,
     "wheels": 5,
     "along": 4,
     "across": 2,
@@ -89,19 +90,20 @@ def network(widths: tuple[int, ...] = WIDTHS, activation: int = 2, **changes: An
 # The structured network, of five wheels
 
 TRACK_NET: dict[str, Any] = {
-    **{name: value for name, value in M113.items() if name not in ("path", "along", "across")},
+    **{name: value for name, value in M113.items() if name not in ("path", "precision", "along", "across")},
     "activation": 1,
-    "widths": (13, 8, 15),
-    "parameters": b"".join(w.tobytes() + b.tobytes() for w, b in parameters_of((13, 8, 15), np.random.default_rng(2))),
-    "input_mean": np.linspace(-0.1, 0.1, 13),
-    "input_scale": np.linspace(0.5, 2, 13),
+    "widths": (10, 8, 15),
+    "parameters": b"".join(w.tobytes() + b.tobytes() for w, b in parameters_of((10, 8, 15), np.random.default_rng(2))),
+    "input_mean": np.linspace(-0.1, 0.1, 10),
+    "input_scale": np.linspace(0.5, 2, 10),
     "output_mean": np.linspace(-0.05, 0.05, 15),
     "output_scale": np.full(15, 0.1),
     "ends": np.concatenate([np.linspace(-0.5, 0.25, 4), np.linspace(-0.25, 0.5, 4)]) * 2.667,
     "reach": np.linspace(-0.375, 0.375, 4) * 2.667,
     "half_travel": 2.667 / 2,
     "part_length": 2.667 / 4,
-    "weights": np.random.default_rng(3).normal(0.0, 0.2, (8, 15)).ravel(),
+    "mean": np.random.default_rng(3).normal(0.0, 0.2, (4, 5)),
+    "moment": np.random.default_rng(4).normal(0.0, 0.2, (4, 5)),
 }
 TRACKS = _core.TrackNet(**TRACK_NET)
 
@@ -241,6 +243,8 @@ def test_a_refused_row_is_named_with_its_column(handle: Any) -> None:
         ("contact", 2),
         ("path", -1),
         ("path", 2),
+        ("precision", -1),
+        ("precision", 2),
         ("wheels", 0),
         ("wheels", 65),
         ("along", 0),
@@ -426,21 +430,21 @@ def test_the_structured_network_takes_no_cells(name: str) -> None:
         ({"activation": -1}, "activation"),
         ({"parameters": TRACK_NET["parameters"][:-1]}, "byte"),
         ({"parameters": TRACK_NET["parameters"] + b"0000"}, "byte"),
-        ({"widths": (13,)}, "layers"),
-        ({"widths": (13, 8, 0)}, "widths"),
-        ({"widths": (13, 513, 15)}, "widths"),
-        ({"widths": (12, 8, 15), "parameters": bytes(4 * (13 * 8 + 9 * 15))}, "13 features"),
-        ({"widths": (13, 8, 3), "parameters": bytes(4 * (14 * 8 + 9 * 3))}, "15 units"),
-        ({"widths": (13, 15, 8, 10), "parameters": bytes(4 * (14 * 15 + 16 * 8 + 9 * 10))}, "15 units"),
-        ({"input_mean": np.zeros(12)}, "input_mean"),
-        ({"input_scale": np.ones(14)}, "input_scale"),
+        ({"widths": (10,)}, "layers"),
+        ({"widths": (10, 8, 0)}, "widths"),
+        ({"widths": (10, 513, 15)}, "widths"),
+        ({"widths": (13, 8, 15), "parameters": bytes(4 * (14 * 8 + 9 * 15))}, "10 features"),
+        ({"widths": (10, 8, 3), "parameters": bytes(4 * (11 * 8 + 9 * 3))}, "15 units"),
+        ({"widths": (10, 15, 8, 10), "parameters": bytes(4 * (11 * 15 + 16 * 8 + 9 * 10))}, "15 units"),
+        ({"input_mean": np.zeros(9)}, "input_mean"),
+        ({"input_scale": np.ones(11)}, "input_scale"),
         ({"output_mean": np.zeros(3)}, "output_mean"),
         ({"output_scale": np.ones(16)}, "output_scale"),
         ({"output_scale": np.ones(15, np.float32)}, "output_scale"),
         ({"ends": np.zeros(5)}, "ends"),
         ({"reach": np.zeros(5)}, "reach"),
-        ({"weights": np.zeros(8 * 15 - 1)}, "weights"),
-        ({"weights": np.zeros(8 * 15 * 2)[::2]}, "weights"),
+        ({"mean": np.zeros(4 * 5 - 1)}, "mean"),
+        ({"moment": np.zeros(4 * 5 * 2)[::2]}, "moment"),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
@@ -449,7 +453,7 @@ def test_an_impossible_structured_network_is_refused_by_name(changes: dict[str, 
         _core.TrackNet(**{**TRACK_NET, **changes})
 
 
-@pytest.mark.parametrize("name", ["input_mean", "output_scale", "ends", "weights", "widths", "parameters"])
+@pytest.mark.parametrize("name", ["input_mean", "output_scale", "ends", "mean", "widths", "parameters"])
 @pytest.mark.parametrize("given", [None, 3.0])
 def test_what_the_structured_network_cannot_read_is_refused_without_harm(name: str, given: Any) -> None:
     with pytest.raises((TypeError, ValueError)):
@@ -474,17 +478,17 @@ def test_the_structured_network_keeps_copies_of_what_it_is_given() -> None:
 def test_the_structured_network_takes_any_number_of_wheels_up_to_the_most(wheels: int) -> None:
     units = 3 * wheels
     # Every element shears as the middle of the points does.
-    along, across = np.repeat([[0.25, 0.0, 0.0], [0.0, 0.25, 0.0]], wheels, axis=1)
     changes: dict[str, Any] = {
         "mode": 1,
         "wheels": wheels,
         "element_length": 2.667 / wheels,
         "element_spacing": 2.667 / wheels,
-        "widths": (13, 512, 512, units),
-        "parameters": bytes(4 * (14 * 512 + 513 * 512 + 513 * units)),
+        "widths": (10, 512, 512, units),
+        "parameters": bytes(4 * (11 * 512 + 513 * 512 + 513 * units)),
         "output_mean": np.zeros(units),
         "output_scale": np.ones(units),
-        "weights": np.concatenate([along] * 4 + [across] * 4),
+        "mean": np.full((4, wheels), 0.25),
+        "moment": np.zeros((4, wheels)),
     }
     net = _core.TrackNet(**{**TRACK_NET, **changes})
     # Sliding sideways for good on soil: c A + W tan phi.

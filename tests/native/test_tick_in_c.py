@@ -12,7 +12,7 @@ from grouser.terrain import PhysicsBackend, RigidTerrain, SlopedGround, TrackedV
 
 NATIVE = Path(__file__).resolve().parents[2] / "native"
 CORES = ["detector", "guard", "ground", "body", "tick"]
-ENGINE = [*CORES, "deck", "lanes", "fleet", "threads"]
+ENGINE = [*CORES, "fleet_deck", "fleet_lanes", "fleet", "threads"]
 COMPILER = shutil.which("cc")
 M113 = TrackedVehicle.preset("m113")
 
@@ -33,9 +33,9 @@ static const char *refuses(const void *block, const double *x) {
 }
 
 int main(void) {
-  grouser_physics block = {GROUSER_RIGID, GROUSER_CONTINUOUS, GROUSER_SOFT_PATH, 5, 2, 1, 11300, 9.81, 2.667,
+  grouser_physics block = {GROUSER_RIGID, GROUSER_CONTINUOUS, GROUSER_SOFT_PATH, GROUSER_DOUBLE, 5, 2, 1, 11300, 9.81, 2.667,
                            2.667 / 5, 2.667 / 5, 2.159, 0.38, 0.79, 0, 0.1};
-  grouser_kernel kernel = {&block, grouser_columns(block.mode), evaluate, refuses, NULL, NULL};
+  grouser_kernel kernel = {&block, grouser_columns(block.mode), evaluate, refuses, NULL, NULL, NULL};
   grouser_vehicle vehicle = {11300, 37300, 2.159, 0, 9.81, 0.2, 4.0};
   grouser_ground ground;
   grouser_plant plant;
@@ -85,7 +85,7 @@ def test_the_cores_need_nothing_but_the_mathematical_library() -> None:
 
 def test_a_program_in_c_moves_the_vehicle_as_the_simulator_does(tmp_path: Path) -> None:
     (tmp_path / "drive.c").write_text(DRIVE)
-    names = [*CORES, "physics", "load", "soft_cells", "exact_cells"]
+    names = [*CORES, "physics", "load", "soft_cells", "soft_cells_single", "exact_cells"]
     sources = [str(NATIVE / "src" / f"{name}.c") for name in names]
     program = str(tmp_path / "drive")
     assert COMPILER is not None

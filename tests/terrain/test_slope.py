@@ -143,6 +143,7 @@ def light_block(mode: Mode, gravity: float, contact: Contact, path: ShearPath) -
         mode=MODES.index(mode),
         contact=CONTACTS.index(contact),
         path=SHEAR_PATHS.index(path),
+        precision=0,
         wheels=5,
         along=4,
         across=2,

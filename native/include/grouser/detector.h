@@ -26,11 +26,14 @@ typedef struct {
 } grouser_detector;
 
 /* Copies the arrays; whitening is the columns x columns matrix W, row-major. */
-void grouser_detector_init(grouser_detector *detector, int columns, const double *low, const double *high,
+GROUSER_CORE void grouser_detector_init(grouser_detector *detector, int columns, const double *low, const double *high,
                            const double *center, const double *whitening, double threshold);
 
 /* Scores one row, which need not be finite. */
-grouser_detection grouser_detect(const grouser_detector *detector, const double *row);
+GROUSER_CORE grouser_detection grouser_detect(const grouser_detector *detector, const double *row);
+
+/* Whether it scores at most 1: the same without the score. */
+GROUSER_CORE int grouser_in_distribution(const grouser_detector *detector, const double *row);
 
 static inline int grouser_out_of_distribution(const grouser_detection *detection) { return !(detection->score <= 1.0); }
 

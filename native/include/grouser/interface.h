@@ -2,6 +2,11 @@
 #ifndef GROUSER_INTERFACE_H
 #define GROUSER_INTERFACE_H
 
+/* How the core's functions are linked: as they are, or static where its files are included into one. */
+#ifndef GROUSER_CORE
+#define GROUSER_CORE
+#endif
+
 enum grouser_mode { GROUSER_RIGID = 0, GROUSER_SOIL = 1 };
 
 enum { GROUSER_OUTPUTS = 3, GROUSER_MAX_COLUMNS = 11 };

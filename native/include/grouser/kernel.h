@@ -1,23 +1,28 @@
-/* A force function of interface rows, whatever stands behind it. */
+/* A force function of interface rows: what the tick asks, whatever answers. Every compiled backend's `kernel` attribute
+ * is a PyCapsule named GROUSER_KERNEL_CAPSULE that holds one; it lives as long as the object that it was read from. */
 #ifndef GROUSER_KERNEL_H
 #define GROUSER_KERNEL_H
 
+#include <stddef.h>
+
 #include "interface.h"
 
-/* GROUSER_BLOCK vehicles at once, column by column. */
+#define GROUSER_KERNEL_CAPSULE "grouser.kernel"
+
+/* Vehicles that are evaluated at once. */
 enum { GROUSER_BLOCK = 16 };
 
+/* Interface rows of a block, column by column. */
 typedef struct {
   double column[GROUSER_MAX_COLUMNS][GROUSER_BLOCK];
 } grouser_block_rows;
 
-/* [Qx, Qy, Mz] and their derivatives by vx, vy and yaw rate. */
+/* [Qx, Qy, Mz] of a block, and their derivatives by vx, vy and yaw rate. */
 typedef struct {
   double force[GROUSER_OUTPUTS][GROUSER_BLOCK];
   double slope[GROUSER_OUTPUTS][3][GROUSER_BLOCK];
 } grouser_block_forces;
 
-/* A force function of rows, and what it cannot take. */
 typedef struct {
   const void *self;
   int columns;
@@ -27,10 +32,12 @@ typedef struct {
   const char *(*refuses)(const void *self, const double *x);
   /* Writes the same of one track (0 left, 1 right); NULL where the tracks are not known apart. */
   void (*evaluate_track)(const void *self, const double *x, int side, double *forces, double *jacobian);
-  /* Both tracks of every lane; right may be left itself. A lane whose row is not finite gives NaN there and leaves the
-   * others alone. NULL: the caller goes lane by lane. */
+  /* Evaluates a block, each track from its own rows (right may be left itself), with slopes or without. A lane whose
+   * row is not finite gives NaN there and leaves the others alone. NULL where rows are taken one by one. */
   void (*evaluate_block)(const void *self, const grouser_block_rows *left, const grouser_block_rows *right,
-                         grouser_block_forces *out);
+                         int want_slopes, grouser_block_forces *out);
+  /* Writes the forces (rows x 3) of many rows; NULL where that is no faster than one by one. */
+  void (*evaluate_rows)(const void *self, const double *x, ptrdiff_t rows, double *forces);
 } grouser_kernel;
 
 #endif

@@ -7,10 +7,10 @@
 #include "physics.h"
 
 enum {
-  GROUSER_POINTS = 4,                         /* shear points along a track */
-  GROUSER_SHEAR = 2 * GROUSER_POINTS,         /* along, then across */
-  GROUSER_FEATURES = GROUSER_SHEAR + 5,
-  GROUSER_MAX_UNITS = 3 * GROUSER_MAX_WHEELS  /* along, across, moment, element by element each */
+  GROUSER_POINTS = 4,                        /* shear points along a track */
+  GROUSER_SHEAR = 2 * GROUSER_POINTS,        /* along, then across */
+  GROUSER_FEATURES = GROUSER_SHEAR + 2,
+  GROUSER_MAX_UNITS = 3 * GROUSER_MAX_WHEELS /* along, across, moment, element by element each */
 };
 
 typedef struct {
@@ -20,13 +20,22 @@ typedef struct {
   double output_mean[GROUSER_MAX_UNITS], output_scale[GROUSER_MAX_UNITS];
   double ends[2 * GROUSER_POINTS]; /* of the parts: rear ends, then front ends */
   double reach[GROUSER_POINTS], half_travel, part_length;
-  double weights[GROUSER_SHEAR * GROUSER_MAX_UNITS]; /* shear x units, row-major with 3 * wheels a row */
+  /* From shear at the points to an element's mean, and to the moment of the shear across over half its length. */
+  double mean[GROUSER_POINTS][GROUSER_MAX_WHEELS], moment[GROUSER_POINTS][GROUSER_MAX_WHEELS];
+  /* Filled in by grouser_track_net_prepare: elements' centres from the CG, and 1/input_scale. */
+  double arm[GROUSER_MAX_WHEELS], input_gain[GROUSER_FEATURES];
 } grouser_track_net;
 
+GROUSER_CORE void grouser_track_net_prepare(grouser_track_net *net);
+
 /* As grouser_physics_track and grouser_physics_forces. */
-void grouser_track_net_track(const grouser_track_net *net, const double *x, enum grouser_side side,
-                             double force[GROUSER_OUTPUTS], double *jacobian);
-void grouser_track_net_forces(const grouser_track_net *net, const double *x, double force[GROUSER_OUTPUTS],
-                              double *jacobian);
+GROUSER_CORE void grouser_track_net_track(const grouser_track_net *net, const double *x, enum grouser_side side,
+                                          double force[GROUSER_OUTPUTS], double *jacobian);
+GROUSER_CORE void grouser_track_net_forces(const grouser_track_net *net, const double *x, double force[GROUSER_OUTPUTS],
+                                           double *jacobian);
+/* As evaluate_block of a grouser_kernel. */
+GROUSER_CORE void grouser_track_net_block(const grouser_track_net *net, const grouser_block_rows *left,
+                                          const grouser_block_rows *right, int want_slopes,
+                                          grouser_block_forces *out);
 
 #endif

@@ -53,7 +53,7 @@ def test_structured_errors_are_those_of_the_surrogate_over_the_available_shear(
     x[-1, [0, 1, 2, 5, 6]] = 0.0
     forces = PhysicsBackend(vehicle, mode).forces(x) + np.random.default_rng(0).normal(0.0, 500.0, (200, 3))
     objective = make_objective(TrainingConfig(family="structured", hidden=(32, 24)), vehicle, mode, x, forces)
-    assert objective.widths == (13, 32, 24, 3 * vehicle.road_wheels)
+    assert objective.widths == (10, 32, 24, 3 * vehicle.road_wheels)
     assert objective.feature_map == "track"
     given = forces.copy()
     batch = objective.tensors(x, forces)
@@ -114,7 +114,7 @@ def test_structured_features_are_normalized_over_both_tracks(driving_rows: Rows)
     x, _ = driving_rows(vehicle, "rigid", runs=4, samples=50, seed=2)
     objective = make_objective(TrainingConfig(family="structured"), vehicle, "rigid", x, np.zeros((200, 3)))
     features = objective.tensors(x, np.zeros((200, 3)))[0].double().numpy()
-    assert features.shape == (200, 2, 13)
+    assert features.shape == (200, 2, 10)
     np.testing.assert_allclose(features.mean(axis=(0, 1)), 0.0, atol=1e-6)
     np.testing.assert_allclose(features.std(axis=(0, 1)), 1.0, rtol=1e-6)
 
@@ -165,7 +165,7 @@ def test_training_adds_to_what_the_shear_points_know_of_its_rows(
     result = train_surrogate(datasets[mode], config, tmp_path / "net.safetensors")
     trained, train = result.surrogate, datasets[mode].select(result.split.train)
     size = trained.output_normalizer.size
-    silent = DenseNetwork("silu", (np.zeros((13, size), np.float32),), (np.zeros(size, np.float32),))
+    silent = DenseNetwork("silu", (np.zeros((10, size), np.float32),), (np.zeros(size, np.float32),))
     scale = available(trained, train.inputs) * np.array([1.0, 1.0, trained.vehicle.contact_length / 4])
     found, alone = (
         np.sqrt(np.mean(((each.reference_forces(train.inputs) - train.forces) / scale) ** 2))
@@ -186,7 +186,7 @@ def test_two_structured_trainings_give_the_same_bytes(
 def test_the_artifact_of_a_structured_training_says_so(structured: Trained, rigid: Dataset) -> None:
     loaded = Surrogate.load(structured[1])
     assert loaded.structured
-    assert loaded.network.widths == (13, 8, 8, 15)
+    assert loaded.network.widths == (10, 8, 8, 15)
     assert loaded.content_hash == structured[0].surrogate.content_hash
     assert (loaded.recipe["family"], loaded.recipe["schedule"]) == ("structured", "cosine")
     assert loaded.detector.low[7:] == pytest.approx(loaded.ranges.low)

@@ -1,13 +1,13 @@
 /* Which vehicle is in which lane. The ticks that the primary alone moves are solved on one deck, those of the fallback
  * on another, and those that both have a share in one by one. A lane begins its vehicle's next tick as soon as it has
  * solved one, and then takes the next vehicle, while the others iterate: so the decks stay full. */
-#include "lanes.h"
+#include "fleet_lanes.h"
 
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
 
-#include "deck.h"
+#include "fleet_deck.h"
 
 enum { PRIMARY_DECK, FALLBACK_DECK, DECKS, ALONE = DECKS };
 

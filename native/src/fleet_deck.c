@@ -1,10 +1,8 @@
-#include "deck.h"
+#include "fleet_deck.h"
 
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
-
-#include "cpu.h"
 
 static grouser_body body_in(const grouser_deck *deck, int l) {
   const grouser_body body = {deck->left.column[GROUSER_VX][l], deck->left.column[GROUSER_VY][l],
@@ -67,7 +65,6 @@ static void evaluate_lanes(grouser_deck *deck, int split) {
 }
 
 /* Residual and Newton direction of every lane, and the forces under its load. */
-GROUSER_CLONES
 static void newton_step(grouser_deck *deck, const grouser_vehicle *vehicle, double gain) {
   for (int l = 0; l < GROUSER_BLOCK; l++) {
     const double ratio = deck->load_ratio[l];
@@ -98,7 +95,7 @@ void grouser_deck_evaluate(grouser_deck *deck, const grouser_plant *plant) {
   const grouser_kernel *kernel = deck->kernel;
   const int split = plant->sampling.tracks;
   if (kernel->evaluate_block)
-    kernel->evaluate_block(kernel->self, &deck->left, split ? &deck->right : &deck->left, &deck->forces);
+    kernel->evaluate_block(kernel->self, &deck->left, split ? &deck->right : &deck->left, 1, &deck->forces);
   else
     evaluate_lanes(deck, split);
   newton_step(deck, &plant->vehicle,

@@ -1,0 +1,65 @@
+"""The C view of a compiled backend's kernel, as other compiled code gets it from its capsule."""
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from grouser.terrain import FloatArray
+
+BLOCK = 16
+_MAXIMUM_COLUMNS = 11
+_double_p = ctypes.POINTER(ctypes.c_double)
+
+
+class _Rows(ctypes.Structure):
+    _fields_ = (("column", (ctypes.c_double * BLOCK) * _MAXIMUM_COLUMNS),)
+
+
+class _Forces(ctypes.Structure):
+    _fields_ = (
+        ("force", (ctypes.c_double * BLOCK) * 3),
+        ("slope", ((ctypes.c_double * BLOCK) * 3) * 3),
+    )
+
+
+class _Kernel(ctypes.Structure):
+    _fields_ = (
+        ("self", ctypes.c_void_p),
+        ("columns", ctypes.c_int),
+        ("evaluate", ctypes.CFUNCTYPE(None, ctypes.c_void_p, _double_p, _double_p, _double_p)),
+        ("refuses", ctypes.CFUNCTYPE(ctypes.c_char_p, ctypes.c_void_p, _double_p)),
+        ("evaluate_track", ctypes.CFUNCTYPE(None, ctypes.c_void_p, _double_p, ctypes.c_int, _double_p, _double_p)),
+        (
+            "evaluate_block",
+            ctypes.CFUNCTYPE(
+                None,
+                ctypes.c_void_p,
+                ctypes.POINTER(_Rows),
+                ctypes.POINTER(_Rows),
+                ctypes.c_int,
+                ctypes.POINTER(_Forces),
+            ),
+        ),
+    )
+
+
+def kernel_of(compiled: Any) -> _Kernel:
+    """Return the kernel behind an object of ``grouser.native``; it must outlive the result."""
+    read = ctypes.pythonapi.PyCapsule_GetPointer
+    read.restype, read.argtypes = ctypes.c_void_p, (ctypes.py_object, ctypes.c_char_p)
+    return _Kernel.from_address(read(compiled.kernel, b"grouser.kernel"))
+
+
+def block_forces(compiled: Any, left: FloatArray, right: FloatArray, *, slopes: bool) -> tuple[FloatArray, FloatArray]:
+    """Return forces (16, 3) and slopes by vx, vy, yaw rate (16, 3, 3) of 16 rows a track."""
+    kernel = kernel_of(compiled)
+    rows = []
+    for x in (left, right):
+        each = _Rows()
+        for column, values in enumerate(x.T):
+            each.column[column][:] = values.tolist()
+        rows.append(each)
+    out = _Forces()
+    kernel.evaluate_block(kernel.self, rows[0], rows[1], int(slopes), out)
+    return np.array(out.force).T, np.moveaxis(np.array(out.slope), -1, 0)
