@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from posixpath import dirname, join, normpath
 from typing import Final
 
@@ -27,16 +27,16 @@ class Amalgamation:
     ----------
     read : callable
         From a file's place under ``native`` to its text.
-    replaced : Mapping
-        Text that stands for a header, by its place.
-    markers : sequence of str
-        Lines that are left out.
+    linkage : str
+        What stands before declarations of functions that are to be static.
+    dropped : str
+        Pattern of text that is left out.
     """
 
-    def __init__(self, read: Callable[[str], str], replaced: Mapping[str, str], markers: Sequence[str] = ()) -> None:
+    def __init__(self, read: Callable[[str], str], linkage: str = "", dropped: str = "") -> None:
         self._read = read
-        self._replaced = replaced
-        self._markers = frozenset(markers)
+        self._linkage = re.compile(rf"^{re.escape(linkage)}", re.MULTILINE)
+        self._dropped = re.compile(dropped)
         self._seen: set[str] = set()
         self._system: set[str] = set()
         self._parts: list[str] = []
@@ -66,13 +66,13 @@ class Amalgamation:
         if name in self._seen:
             return
         self._seen.add(name)
-        body = _without_guard(self._replaced[name] if name in self._replaced else self._source(name))
-        lines = []
-        for line in body.splitlines():
+        body = self._dropped.sub("", _without_guard(self._source(name)))
+        lines, depth = [], 0
+        for line in self._linkage.sub("", body).splitlines():
             include = _INCLUDE.match(line)
-            if line.strip() in self._markers:
-                continue
-            if include is None:
+            depth += line.startswith("#if") - line.startswith("#endif")
+            # What is included on a condition stays where it is.
+            if include is None or depth:
                 lines.append(line)
             elif include[1] == "<":
                 self._system.add(include[2])
@@ -93,7 +93,7 @@ class Amalgamation:
     def _resolved(self, include: str, name: str) -> str:
         beside = normpath(join(dirname(name), include))
         for place in (beside, join(_INCLUDE_FOLDER, include)):
-            if place in self._seen or place in self._replaced:
+            if place in self._seen:
                 return place
             try:
                 self._read(place)

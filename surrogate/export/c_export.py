@@ -160,7 +160,9 @@ def _header(surrogate: Surrogate, types: str) -> str:
 
 def _source(surrogate: Surrogate, fallback: PhysicsBackend, policy: SwitchingPolicy, remaining: dict[str, str]) -> str:
     exact = fallback.grid.path == "exact"
-    merged = Amalgamation(lambda place: remaining.get(place) or read_source(place), core.REPLACED, core.LEVEL_MARKERS)
+    merged = Amalgamation(
+        lambda place: remaining.get(place) or read_source(place), core.LINKAGE, core.LINKAGE_DEFINITION
+    )
     merged.add(core.core_files(structured=surrogate.structured, exact=exact))
     names = braced([f'"{name}"' for name in surrogate.interface.names])
     limits = core.limits(surrogate.network.widths, surrogate.vehicle.road_wheels)

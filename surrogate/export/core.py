@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Final
 
-_PHYSICS: Final = ("src/load.c", "src/soft_cells.c", "src/physics.c")
+_PHYSICS: Final = ("src/load.c", "src/soft_cells.c", "src/soft_cells_single.c", "src/physics.c")
 _EXACT: Final = ("src/exact_cells.c",)
 _NETWORK: Final = ("src/dense.c",)
 _PLAIN: Final = ("src/mlp.c",)
@@ -13,10 +12,10 @@ _STRUCTURED: Final = ("src/track_net.c",)
 _GUARD: Final = ("src/detector.c", "src/guard.c")
 _TICK: Final = ("src/ground.c", "src/body.c", "src/tick.c")
 
-#: Headers whose content is replaced: an export runs at the portable level alone.
-REPLACED: Final[Mapping[str, str]] = {"src/cpu.h": ""}
-#: Lines that mark what is compiled once for each CPU level.
-LEVEL_MARKERS: Final = ("GROUSER_CLONES",)
+#: How the core marks functions that are static where its files are included into one: here they all are.
+LINKAGE: Final = "GROUSER_CORE "
+#: What says so in a header, and is left out.
+LINKAGE_DEFINITION: Final = r"/\*[^*]*\*/\n#ifndef GROUSER_CORE\n#define GROUSER_CORE\n#endif\n"
 
 #: Types that the public header shows, in order: of each header, what to search for.
 PUBLIC_TYPES: Final[tuple[tuple[str, tuple[str, ...]], ...]] = (
@@ -39,14 +38,8 @@ GUARD_HEADER: Final = "include/grouser/guard.h"
 TICK_HEADER: Final = "include/grouser/tick.h"
 KERNEL_HEADER: Final = "include/grouser/kernel.h"
 
-# Widths are whole numbers of the core's widest vectors.
-_LANES: Final = 16
-
-_PREAMBLE: Final = """\
-#if defined(__cplusplus)
-#define restrict /* C only */
-#endif
-"""
+# GROUSER_PANEL of the core's dense.h.
+_PANEL: Final = 16
 
 # The block asks for its path by name: without the exact one, both names are the soft one's.
 _NO_EXACT_PATH: Final = """\
@@ -66,8 +59,17 @@ def limits(widths: tuple[int, ...], wheels: int) -> dict[str, int]:
     wheels : int
         Contact elements a side.
     """
-    whole_lanes = -(-max(widths) // _LANES) * _LANES
-    return {"GROUSER_MAX_LAYERS": len(widths) - 1, "GROUSER_MAX_WIDTH": whole_lanes, "GROUSER_MAX_WHEELS": wheels}
+    return {
+        "GROUSER_MAX_LAYERS": len(widths) - 1,
+        "GROUSER_MAX_WIDTH": padded(max(widths)),
+        # Three units a wheel, a whole number of panels together.
+        "GROUSER_MAX_WHEELS": padded(wheels),
+    }
+
+
+def padded(width: int) -> int:
+    """Return a width as the core's layers have it: whole panels."""
+    return -(-width // _PANEL) * _PANEL
 
 
 def core_files(*, structured: bool, exact: bool) -> tuple[str, ...]:
@@ -86,4 +88,4 @@ def core_files(*, structured: bool, exact: bool) -> tuple[str, ...]:
 
 def preamble(*, exact: bool) -> str:
     """Return what the core's files need before them."""
-    return _PREAMBLE + ("" if exact else _NO_EXACT_PATH)
+    return "" if exact else _NO_EXACT_PATH

@@ -11,12 +11,12 @@ from ...terrain import ConfigurationError
 
 _COMMENT: Final = r"(?:/\*(?:(?!\*/).)*\*/\n)?"
 _DEFINITION: Final = re.compile(
-    rf"^{_COMMENT}static [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}#]*\) \{{(?:[^\n]*\}}\n|\n.*?^\}}\n)",
+    rf"^{_COMMENT}(?:static|GROUSER_INLINE) [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}#]*\) \{{(?:[^\n]*\}}\n|\n.*?^\}}\n)",
     re.MULTILINE | re.DOTALL,
 )
 _COMMENTS: Final = re.compile(r"/\*.*?\*/", re.DOTALL)
 _PROTOTYPE: Final = re.compile(
-    rf"^{_COMMENT}static [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}]*\);\n", re.MULTILINE | re.DOTALL
+    rf"^{_COMMENT}(?:static|GROUSER_INLINE) [^;{{}}=#]*?\b(?P<name>\w+)\([^;{{}}]*\);\n", re.MULTILINE | re.DOTALL
 )
 _WORD: Final = re.compile(r"\b[A-Za-z_]\w*")
 _CONSTANT: Final = re.compile(rf"^{_COMMENT}static const \w+ (?P<name>\w+) = [^;,{{}}]*;\n", re.MULTILINE | re.DOTALL)
@@ -107,6 +107,8 @@ def without_unused(text: str) -> str:
         named.subtract(match["name"] for match in _PROTOTYPE.finditer(text))
         defined = [match for kind in (_DEFINITION, _CONSTANT) for match in kind.finditer(text)]
         unused = {match["name"] for match in defined if named[match["name"]] == 1}
+        # Declared, and defined in a file that is left out.
+        unused |= {match["name"] for match in _PROTOTYPE.finditer(text) if named[match["name"]] == 0}
         if not unused:
             return text
         for kind in (_DEFINITION, _CONSTANT, _PROTOTYPE):

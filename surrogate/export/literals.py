@@ -54,6 +54,11 @@ def doubles(values: FloatArray) -> str:
     return braced([double(value) for value in np.asarray(values, dtype=np.float64).ravel().tolist()])
 
 
+def rows(values: FloatArray) -> str:
+    """Return a matrix of doubles as a list of its rows, each of which may be shorter than C's."""
+    return "{" + ",\n   ".join(doubles(row) for row in values) + "}"
+
+
 def singles(values: NDArray[np.float32]) -> str:
     """Return an array of floats, row-major, as a braced list."""
     return braced([single(value) for value in values.ravel()])

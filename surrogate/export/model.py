@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...terrain import GRAVITY, ConfigurationError, PhysicsBackend, SwitchingPolicy, TrackedVehicle, block_geometry
 from ..artifact import Surrogate
@@ -16,7 +17,7 @@ from ..network import DenseNetwork
 from ..track_model import shear_points
 from . import core
 from .declarations import enumerator
-from .literals import braced, double, doubles, singles, struct, table
+from .literals import braced, double, doubles, rows, singles, struct, table
 
 Read = Callable[[str], str]
 
@@ -24,6 +25,7 @@ Read = Callable[[str], str]
 #: the simulator's tick.
 _PER_RESOLUTION: Final = 8.0
 _LEAST_TOLERANCE: Final = 1e-11
+_ARRAYS: Final = ("weights", "biases", "transposed")
 
 
 def physics_fallback(surrogate: Surrogate) -> PhysicsBackend:
@@ -51,6 +53,7 @@ def physics_table(read: Read, fallback: PhysicsBackend) -> str:
         fallback.vehicle,
         fallback.mode,
         path=grid.path,
+        precision=fallback.precision,
         contact=grid.contact,
         along=grid.along,
         across=grid.across,
@@ -71,6 +74,7 @@ def surrogate_tables(read: Read, surrogate: Surrogate) -> str:
         "input_scale": doubles(inputs.scale),
         "output_mean": doubles(outputs.mean),
         "output_scale": doubles(outputs.scale),
+        "input_gain": doubles(1.0 / inputs.scale),
     }
     if surrogate.structured:
         vehicle, points = surrogate.vehicle, shear_points(surrogate.vehicle)
@@ -80,7 +84,9 @@ def surrogate_tables(read: Read, surrogate: Surrogate) -> str:
             "reach": doubles(points.reach),
             "half_travel": double(points.half_travel),
             "part_length": double(points.length),
-            "weights": doubles(points.weights),
+            "mean": rows(points.mean),
+            "moment": rows(points.moment),
+            "arm": doubles(vehicle.element_centers),
         }
         initializer = struct(read(core.STRUCTURED_HEADER), "grouser_track_net", values)
         parts.append(f"static const grouser_track_net surrogate = {initializer};\n")
@@ -116,6 +122,7 @@ def _kernel(read: Read, name: str, table: str = "") -> str:
         "refuses": f"{name}_refuses",
         "evaluate_track": "NULL",
         "evaluate_block": "NULL",
+        "evaluate_rows": "NULL",
     }
     return struct(read(core.KERNEL_HEADER), "grouser_kernel", values)
 
@@ -134,7 +141,7 @@ def _guard(read: Read, detector: BoxMahalanobisDetector, policy: SwitchingPolicy
         "high": doubles(detector.high),
         "center": doubles(detector.center),
         # The core keeps it by column.
-        "whitening": "{" + ",\n   ".join(doubles(column) for column in detector.whitening.T) + "}",
+        "whitening": rows(detector.whitening.T),
         "reach": doubles(detector.reach),
         "slack": doubles(detector.slack),
     }
@@ -160,16 +167,28 @@ def _vehicle(header: str, vehicle: TrackedVehicle) -> str:
     return struct(header, "grouser_vehicle", values)
 
 
-def _layers(network: DenseNetwork) -> str:
-    parts = []
+def layer_arrays(network: DenseNetwork) -> dict[str, NDArray[np.float32]]:
+    """Return the arrays of a network by the names of their tables, laid out as the core reads them."""
+    arrays = {}
     for layer, (weights, biases) in enumerate(zip(network.weights, network.biases, strict=True)):
-        parts.append(table(f"weights_{layer}", "float", singles(weights), weights.size))
-        parts.append(table(f"biases_{layer}", "float", singles(biases), biases.size))
-    return "".join(parts)
+        arrays[f"weights_{layer}"] = _padded(weights)
+        arrays[f"biases_{layer}"] = _padded(biases[None, :])
+        arrays[f"transposed_{layer}"] = _padded(weights.T)
+    return arrays
+
+
+def _padded(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return rows with zeros up to whole panels."""
+    missing = core.padded(values.shape[1]) - values.shape[1]
+    return np.pad(np.ascontiguousarray(values), ((0, 0), (0, missing)))
+
+
+def _layers(network: DenseNetwork) -> str:
+    return "".join(table(name, "float", singles(values), values.size) for name, values in layer_arrays(network).items())
 
 
 def _dense(header: str, network: DenseNetwork) -> str:
-    layers = range(len(network.weights))
+    names = {kind: [f"{kind}_{layer}" for layer in range(len(network.weights))] for kind in _ARRAYS}
     return struct(
         header,
         "grouser_dense",
@@ -177,8 +196,8 @@ def _dense(header: str, network: DenseNetwork) -> str:
             "activation": f"GROUSER_{network.activation.upper()}",
             "layers": str(len(network.weights)),
             "widths": braced([str(width) for width in network.widths]),
-            "weights": braced([f"weights_{layer}" for layer in layers]),
-            "biases": braced([f"biases_{layer}" for layer in layers]),
+            "widest": str(core.padded(max(network.widths[1:]))),
+            **{kind: braced(tables) for kind, tables in names.items()},
         },
     )
 
@@ -190,6 +209,7 @@ def _block(
     *,
     contact: str,
     path: str = "soft",
+    precision: str = "float64",
     along: int = 1,
     across: int = 1,
     soft_speed: float | None = None,
@@ -201,6 +221,7 @@ def _block(
         "mode": f"GROUSER_{mode.upper()}",
         "contact": f"GROUSER_{contact.upper()}",
         "path": f"GROUSER_{path.upper()}_PATH",
+        "precision": "GROUSER_DOUBLE" if precision == "float64" else "GROUSER_SINGLE",
         "along": str(along),
         "across": str(across),
     }

@@ -13,6 +13,7 @@ from ..track_model import shear_points
 from . import golden
 from .checksum import Checksum
 from .literals import braced, double, doubles, table
+from .model import layer_arrays
 
 #: Shares of the largest training speed that the self-test drives at, right belt; the left one is a tenth slower.
 _CURVE, _FAST, _SLOW = 0.4, 1.3, 0.5
@@ -50,7 +51,7 @@ def self_test_values(surrogate: Surrogate, fallback: PhysicsBackend, policy: Swi
         "checksum": str(checksum),
         "elapsed": double(golden.ELAPSED),
         "surrogate_share": double(golden.SURROGATE_TOLERANCE),
-        "fallback_share": double(golden.PHYSICS_TOLERANCE),
+        "fallback_share": double(_fallback_share(fallback)),
         "jacobian_share": double(golden.JACOBIAN_TOLERANCE),
         "score_share": double(golden.SCORE_TOLERANCE),
         "curve": _command(_CURVE * cruise),
@@ -61,6 +62,10 @@ def self_test_values(surrogate: Surrogate, fallback: PhysicsBackend, policy: Swi
         "leaves": str(int(fast > 1.1 * cruise)),
         "terrain": doubles(middle),
     }
+
+
+def _fallback_share(fallback: PhysicsBackend) -> float:
+    return golden.PHYSICS_TOLERANCE if fallback.precision == "float64" else golden.SURROGATE_TOLERANCE
 
 
 def _command(speed: float) -> str:
@@ -74,13 +79,13 @@ def _whole(name: str, values: NDArray[np.int64]) -> str:
 def _checksum(surrogate: Surrogate) -> tuple[list[str], int]:
     """Return the C statements that take in every table that was learned or fitted, and what they come to."""
     network, detector = surrogate.network, surrogate.detector
-    named: list[tuple[str, NDArray[Any]]] = []
-    for layer, (weights, biases) in enumerate(zip(network.weights, network.biases, strict=True)):
-        named += [(f"weights_{layer}", weights), (f"biases_{layer}", biases)]
+    named: list[tuple[str, NDArray[Any]]] = list(layer_arrays(network).items())
     for side, normalizer in (("input", surrogate.input_normalizer), ("output", surrogate.output_normalizer)):
         named += [(f"surrogate.{side}_mean", normalizer.mean), (f"surrogate.{side}_scale", normalizer.scale)]
     if surrogate.structured:
-        named.append(("surrogate.weights", shear_points(surrogate.vehicle).weights))
+        points = shear_points(surrogate.vehicle)
+        for name in ("mean", "moment"):
+            named += [(f"surrogate.{name}[{j}]", row) for j, row in enumerate(getattr(points, name))]
     named += [
         (f"guard.detector.{name}", getattr(detector, name)) for name in ("low", "high", "center", "reach", "slack")
     ]

@@ -85,7 +85,8 @@ static int guard_agrees(void) {
  * the pose follows the velocities, and the memory is the force over the mass. */
 static int tick_agrees(enum grouser_source source, const double *command, grouser_vehicle_state *state) {
   static const double terrain[GROUSER_PARAMETERS] = $terrain;
-  const double step = 0.01, tolerance = source == GROUSER_FALLBACK_ALONE ? 1e-9 : 2 * SURROGATE_TOLERANCE;
+  const double step = 0.01, tolerance =
+      1e-9 + 2 * (source == GROUSER_FALLBACK_ALONE ? FALLBACK_TOLERANCE : SURROGATE_TOLERANCE);
   const grouser_vehicle_state before = *state;
   grouser_tick_record record;
   double network[GROUSER_OUTPUTS], block[GROUSER_OUTPUTS];

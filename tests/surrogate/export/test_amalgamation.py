@@ -11,7 +11,8 @@ from grouser.terrain import ArtifactError, ConfigurationError
 FILES = {
     "include/grouser/a.h": (
         "/* A. */\n#ifndef GROUSER_A_H\n#define GROUSER_A_H\n\n#include <math.h>\n\n"
-        "/* Twice. */\ndouble grouser_twice(double x);\n\n#endif\n"
+        "/* Linkage. */\n#ifndef CORE\n#define CORE\n#endif\n#if defined(WIDE)\n#include <wide.h>\n#endif\n"
+        "/* Twice. */\nCORE double grouser_twice(double x);\n\n#endif\n"
     ),
     "src/b.h": '#ifndef GROUSER_B_H\n#define GROUSER_B_H\n#include "grouser/a.h"\n#endif\n',
     "src/one.c": (
@@ -29,19 +30,19 @@ def read(place: str) -> str:
 
 
 def test_headers_come_once_and_symbols_are_static() -> None:
-    merged = Amalgamation(read, {}, ["LEVELS"])
+    merged = Amalgamation(read, "CORE ", r"/\* Linkage. \*/\n#ifndef CORE\n#define CORE\n#endif\n")
     merged.add(["src/one.c"])
     assert merged.system_headers == ("math.h", "string.h")
     assert merged.text.count("/* Twice. */\nstatic double grouser_twice(double x);") == 1
     assert "\nstatic double grouser_twice(double x) { return 2 * x; }" in merged.text
-    assert "#" not in merged.text
-    assert "LEVELS" not in merged.text
+    assert "CORE" not in merged.text
 
 
-def test_what_is_replaced_is_not_read() -> None:
-    merged = Amalgamation(read, {"src/b.h": "", "include/grouser/a.h": "int instead;\n"})
+def test_what_is_included_on_a_condition_stays_there() -> None:
+    merged = Amalgamation(read)
     merged.add(["src/one.c"])
-    assert "int instead;" in merged.text
+    assert "#if defined(WIDE)\n#include <wide.h>\n#endif\n" in merged.text
+    assert "wide.h" not in merged.system_headers
 
 
 def test_a_missing_header_is_named() -> None:
@@ -53,7 +54,7 @@ def test_a_missing_header_is_named() -> None:
         return files[place]
 
     with pytest.raises(ConfigurationError, match=r"native/src/one\.c includes .none\.h."):
-        Amalgamation(read_other, {}).add(["src/one.c"])
+        Amalgamation(read_other).add(["src/one.c"])
 
 
 def test_types_are_taken_out_with_their_comments() -> None:
@@ -80,6 +81,7 @@ def test_unused_functions_and_constants_go_and_with_them_what_only_they_used() -
         "static double helper(double x) { return x + GONE; }\n\n"
         "static double gone(double x) {\n  if (x > 0) {\n    x = 1;\n  }\n  return helper(x);\n}\n\n"
         "static double kept(void) {\n  return KEPT + ALSO; /* not gone */\n}\n\n"
+        "/* Elsewhere. */\nstatic double nowhere(double x);\n"
         "double shown(void) { return kept(); }\n"
     )
     assert without_unused(text) == (

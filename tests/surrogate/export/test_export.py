@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from grouser.surrogate import DenseNetwork, Surrogate, export_c
+from grouser.surrogate.track_model import FEATURES
 from grouser.terrain import ConfigurationError, InvalidInputError, SwitchingPolicy
 
 
@@ -88,7 +89,7 @@ def test_a_network_that_the_core_cannot_hold_is_refused(rigid: Surrogate, tmp_pa
     network, width = rigid.network, 600
     wide = DenseNetwork(
         network.activation,
-        (np.zeros((13, width), np.float32), np.zeros((width, 15), np.float32)),
+        (np.zeros((FEATURES, width), np.float32), np.zeros((width, 15), np.float32)),
         (np.zeros(width, np.float32), np.zeros(15, np.float32)),
     )
     with pytest.raises(ConfigurationError, match="cannot hold"):

@@ -23,7 +23,21 @@ COMPILERS = {
     "clang-c++17": (CLANG, ("-x", "c++", "-std=c++17")),
 }
 #: What the export may ask of the C library.
-LIBRARY = {"sqrt", "exp", "expm1", "sin", "cos", "tan", "fmin", "fmax", "copysign", "memcpy", "memset", "strcmp"}
+LIBRARY = {
+    "sqrt",
+    "sqrtf",
+    "exp",
+    "expm1",
+    "sin",
+    "cos",
+    "tan",
+    "fmin",
+    "fmax",
+    "copysign",
+    "memcpy",
+    "memset",
+    "strcmp",
+}
 # What gcc makes of these: both of an angle at once, a structure copied.
 LIBRARY |= {"sincos", "memmove"}
 structured_rigid = pytest.mark.parametrize("artifact", ["m113-rigid"])
@@ -87,6 +101,16 @@ def test_two_exports_fit_into_one_program(exported: Callable[[str], Exported], t
         [str(GCC), "-std=c99", "-O1", *WARNINGS, *folders, main, *sources, "-lm", "-o", tmp_path / "both"], tmp_path
     )
     compiled([tmp_path / "both"], tmp_path)
+
+
+@structured_rigid
+def test_a_compiler_without_vectors_passes_the_self_test(code: Exported, artifact: str, tmp_path: Path) -> None:
+    text = code.source.read_text()
+    assert text.count("#if defined(__GNUC__)\n") == 2
+    (tmp_path / code.source.name).write_text(text.replace("defined(__GNUC__)", "0"))
+    compiled([str(GCC), "-std=c99", "-O1", *WARNINGS, f"-I{code.folder}", code.folder / "selftest.c", code.source.name,
+              "-lm", "-o", "selftest"], tmp_path)  # fmt: skip
+    compiled([tmp_path / "selftest"], tmp_path)
 
 
 @structured_rigid
