@@ -5,12 +5,16 @@ from .driveline import advance_belts
 from .fleet import FleetRecord, VehicleFleet
 from .footing import GROUND_SAMPLINGS, Footing, GroundSampling
 from .log import STATE_NAMES, InterfaceLog, LogRecorder
+from .motion_profile import MotionProfile
 from .path import Path, Projection
 from .paths import make_path, path_names
 from .registration import register_environments
 from .rollout import rollout
 from .simulator import Simulator, TickRecord
+from .speed_config import SpeedConfig, SpeedResetOptions
+from .speed_tracking import SpeedTrackingEnv
 from .state import BeltCommand, Driver, VehicleState
+from .task_config import TaskConfig
 from .tick import INTEGRATORS, Integrator
 from .tracking import PathTrackingEnv
 from .tracking_config import ResetOptions, TrackingConfig
@@ -29,11 +33,16 @@ __all__ = [
     "InterfaceLog",
     "Lane",
     "LogRecorder",
+    "MotionProfile",
     "Path",
     "PathTrackingEnv",
     "Projection",
     "ResetOptions",
     "Simulator",
+    "SpeedConfig",
+    "SpeedResetOptions",
+    "SpeedTrackingEnv",
+    "TaskConfig",
     "TickRecord",
     "TrackingConfig",
     "VehicleFleet",

@@ -150,9 +150,18 @@ class VehicleFleet:
         self._status = np.zeros(count, np.uint8)
         # The vehicles hold the compiled fields that they stand on; a field that nobody drives on goes with its source.
         self._fields: MutableMapping[TerrainField, Field] = WeakKeyDictionary()
+        self._threads = threads
+        self._fleet = self._compile()
+        self._grounds = list(grounds)
+        for index, each in enumerate(grounds):
+            self.set_ground(index, each)
+            self.set_state(index, state)
+
+    def _compile(self) -> Fleet:
+        """Return the engine over the fleet's own arrays."""
         guarded = self.backend if isinstance(self.backend, GuardedBackend) else None
         try:
-            self._fleet = Fleet(
+            return Fleet(
                 kernel=compiled_kernel(guarded.primary if guarded else self.backend),
                 state=self.numbers,
                 guard=self._guard,
@@ -165,24 +174,35 @@ class VehicleFleet:
                 gravity=GRAVITY,
                 belt_time_constant=self.vehicle.belt_time_constant,
                 belt_acceleration=self.vehicle.belt_acceleration,
-                tick=tick,
-                integrator=INTEGRATORS.index(integrator),
+                tick=self.tick,
+                integrator=INTEGRATORS.index(self.integrator),
                 tolerance=tolerance(self.backend.resolution),
-                sample_tracks=ground_sampling == "tracks",
-                threads=threads,
+                sample_tracks=self.ground_sampling == "tracks",
+                threads=self._threads,
                 **compiled_guard(self.backend),
             )
         except ValueError as error:
             if isinstance(error, ConfigurationError):
                 raise
             raise InvalidInputError(str(error)) from error
-        self._grounds = list(grounds)
-        for index, each in enumerate(grounds):
-            self.set_ground(index, each)
-            self.set_state(index, state)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name not in ("_fleet", "_fields")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._fields = WeakKeyDictionary()
+        self._fleet = self._compile()
+        for index, ground in enumerate(self._grounds):
+            self.set_ground(index, ground)
 
     def __len__(self) -> int:
         return len(self._status)
+
+    @property
+    def compiled(self) -> Fleet:
+        """The engine itself, for compiled code that advances it."""
+        return self._fleet
 
     @property
     def diverged(self) -> NDArray[np.bool_]:
@@ -207,6 +227,18 @@ class VehicleFleet:
             self._record[_SCORE],
             self._guard[_WEIGHT] > 0.0,
         )
+
+    @property
+    def on_fallback(self) -> NDArray[np.bool_]:
+        """Whether the guard of each vehicle has changed over to the fallback."""
+        changed: NDArray[np.bool_] = self._guard[_MODE] > 0.0
+        return changed
+
+    @property
+    def fallback_weight(self) -> FloatArray:
+        """Share of the fallback in the forces of each vehicle: the engine's own array."""
+        weight: FloatArray = self._guard[_WEIGHT]
+        return weight
 
     def detection(self, index: int) -> Detection | None:
         """Return what the guard's detector said of a vehicle's row at its last tick's start; None without a guard."""
@@ -301,7 +333,7 @@ class VehicleFleet:
 
 def _grounds(ground: Any, count: int) -> list[Ground]:
     """Return one ground for each vehicle."""
-    if isinstance(ground, str | os.PathLike) or hasattr(ground, "mode"):
+    if isinstance(ground, str | os.PathLike) or not isinstance(ground, Iterable):
         return [resolve_ground(ground)] * count
     grounds = [resolve_ground(each) for each in ground]
     if len(grounds) != count:

@@ -1,4 +1,4 @@
-"""What a path-tracking policy sees and how its actions become belt commands, apart from any environment.
+"""What a policy sees and how its actions become belt commands, apart from any environment.
 
 The environment and a policy that drives a bare simulator share these functions, so that both see the same numbers.
 """
@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from ..terrain import FloatArray, Ground, Mode, TrackedVehicle, parameter_ranges
 from .path import Path, Projection
 from .state import BeltCommand, VehicleState
+from .task_config import TaskConfig
 from .tracking_config import TrackingConfig
 
 Observation = NDArray[np.float32]
 
-#: Look-ahead points, in s at the reference speed.
+#: How far a task shows what is to come, in s: of a path, at the reference speed.
 LOOK_AHEAD_TIMES: Final = (0.4, 0.8, 1.2, 1.6, 2.0)
 #: Bound of every part of the observation; only a diverging vehicle comes near it, and is clipped there.
 OBSERVATION_BOUND: Final = 10.0
@@ -29,7 +30,7 @@ def reference_speed(vehicle: TrackedVehicle, config: TrackingConfig) -> float:
     return vehicle.training_speed / 2 if config.reference_speed is None else config.reference_speed
 
 
-def observation_size(mode: Mode, config: TrackingConfig) -> int:
+def observation_size(mode: Mode, config: TaskConfig) -> int:
     """Return the length of an observation."""
     terrain = len(parameter_ranges("wide", mode).low) if config.observe_terrain else 0
     return 9 + 2 * len(LOOK_AHEAD_TIMES) + terrain
@@ -62,30 +63,71 @@ def observe(
     -------
     ndarray, shape (19,), or longer by the terrain parameters
     """
+    shown = path_sight(state, foot, vehicle=vehicle, path=path, config=config)
+    theta = ground.parameters_at(state.x, state.y) if config.observe_terrain else None
+    return compose_observation(
+        state, shown, previous_action, vehicle=vehicle, config=config, mode=ground.mode, theta=theta
+    )
+
+
+def path_sight(
+    state: VehicleState, foot: Projection, *, vehicle: TrackedVehicle, path: Path, config: TrackingConfig
+) -> FloatArray:
+    """Return what an observation shows of the path, shape (12,): cross-track and heading error, look-ahead points."""
     ahead = reference_speed(vehicle, config) * np.array(LOOK_AHEAD_TIMES)
     x, y, _, _ = path.sample(foot.arc_length + ahead)
     cosine, sine = math.cos(state.heading), math.sin(state.heading)
     dx, dy = x - state.x, y - state.y
     points = np.stack([cosine * dx + sine * dy, cosine * dy - sine * dx], axis=1) / ahead[-1]
+    errors = [
+        foot.cross_track / config.maximum_cross_track,
+        math.remainder(state.heading - foot.heading, 2 * math.pi) / math.pi,
+    ]
+    return np.concatenate([errors, points.ravel()])
+
+
+def compose_observation(
+    state: VehicleState,
+    shown: FloatArray,
+    previous_action: FloatArray,
+    *,
+    vehicle: TrackedVehicle,
+    config: TaskConfig,
+    mode: Mode,
+    theta: FloatArray | None,
+) -> Observation:
+    """Return motion, what the task shows, previous action and terrain as one observation.
+
+    Parameters
+    ----------
+    state : VehicleState
+        Of the vehicle.
+    shown : ndarray, shape (12,)
+        The task's own part, scaled.
+    previous_action : ndarray, shape (2,)
+        In [-1, 1].
+    vehicle, config, mode
+        Of the task.
+    theta : ndarray, shape (p,), or None
+        Terrain parameters, where they are observed.
+    """
     motion = [
         state.vx / vehicle.training_speed,
         state.vy / vehicle.training_speed,
         state.yaw_rate / config.yaw_rate_scale,
         state.v_left / vehicle.training_speed,
         state.v_right / vehicle.training_speed,
-        foot.cross_track / config.maximum_cross_track,
-        math.remainder(state.heading - foot.heading, 2 * math.pi) / math.pi,
     ]
-    parts = [motion, points.ravel(), previous_action]
-    if config.observe_terrain:
-        ranges = parameter_ranges("wide", ground.mode)
+    parts = [np.array(motion), shown, previous_action]
+    if theta is not None:
+        ranges = parameter_ranges("wide", mode)
         low, high = np.array(ranges.low), np.array(ranges.high)
-        parts.append(2 * (ground.parameters_at(state.x, state.y) - low) / (high - low) - 1)
+        parts.append(2 * (theta - low) / (high - low) - 1)
     clipped = np.clip(np.concatenate(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND)
     return np.asarray(clipped, dtype=np.float32)
 
 
-def belt_command(action: FloatArray, vehicle: TrackedVehicle, config: TrackingConfig) -> BeltCommand:
+def belt_command(action: FloatArray, vehicle: TrackedVehicle, config: TaskConfig) -> BeltCommand:
     """Return the belt-speed command in m/s that an action in [-1, 1]² stands for; twists saturate at the belts."""
     limit = vehicle.training_speed
     if config.action_mode == "belts":

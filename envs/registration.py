@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import gymnasium
+
+#: Class and vector class of every id, each "module:name" in :mod:`grouser.envs`.
+_ENVIRONMENTS: Final = {
+    "grouser/PathTracking-v0": ("tracking:PathTrackingEnv", "vector:PathTrackingVectorEnv"),
+    "grouser/SpeedTracking-v0": ("speed_tracking:SpeedTrackingEnv", "vector:SpeedTrackingVectorEnv"),
+}
 
 
 def register_environments() -> None:
     """Register every ``grouser/...`` id; a second call changes nothing."""
-    if "grouser/PathTracking-v0" not in gymnasium.registry:
-        gymnasium.register("grouser/PathTracking-v0", entry_point="grouser.envs.tracking:PathTrackingEnv")
+    for name, (single, vector) in _ENVIRONMENTS.items():
+        if name not in gymnasium.registry:
+            gymnasium.register(name, entry_point=f"grouser.envs.{single}", vector_entry_point=f"grouser.envs.{vector}")

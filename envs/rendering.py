@@ -51,8 +51,8 @@ class Renderer:
 
     Parameters
     ----------
-    path : Path
-        The path; its corridor is drawn where it has one.
+    path : Path or None
+        The path, where there is one; its corridor is drawn where it has one.
     vehicle : TrackedVehicle
         The vehicle.
     mode : {"rgb_array", "human"}
@@ -72,7 +72,7 @@ class Renderer:
 
     def __init__(
         self,
-        path: Path,
+        path: Path | None,
         vehicle: TrackedVehicle,
         mode: RenderMode = "rgb_array",
         size: tuple[int, int] = (960, 540),
@@ -87,8 +87,10 @@ class Renderer:
         self._extent = max(vehicle.contact_length, vehicle.overall_width)
         self._canvas = Canvas((int(size[0]), int(size[1])), _VEHICLES_PER_VIEW * self._extent)
         dash = 0.3 * self._extent
-        starts = np.arange(0.0, path.length, 2 * dash)
-        self._dashes = np.stack(path.sample(starts[:, None] + np.linspace(0.0, dash, 5))[:2], axis=-1)
+        self._dashes = np.empty((0, 5, 2))
+        if path is not None:
+            starts = np.arange(0.0, path.length, 2 * dash)
+            self._dashes = np.stack(path.sample(starts[:, None] + np.linspace(0.0, dash, 5))[:2], axis=-1)
         self._window: Any = None
         self._clock: Any = None
         self._closed = False
@@ -182,7 +184,7 @@ class Renderer:
             canvas.line(_GRID, [(x, low[1]), (x, high[1])], 0.0)
         for y in np.arange(math.ceil(low[1] / step), high[1] / step) * step:
             canvas.line(_GRID, [(low[0], y), (high[0], y)], 0.0)
-        for lane in self._path.corridor.lanes if self._path.corridor else ():
+        for lane in self._path.corridor.lanes if self._path and self._path.corridor else ():
             if lane.end < low[0] or lane.start > high[0]:
                 continue
             x = np.linspace(lane.start, lane.end, max(2, round((lane.end - lane.start) / 5) + 1))
@@ -253,7 +255,9 @@ class Renderer:
         if self._window is None:
             pygame.display.init()
             self._window = pygame.display.set_mode(self._canvas.size)
-            pygame.display.set_caption(f"grouser: {self._vehicle.name}, {self._path.name}")
+            pygame.display.set_caption(
+                ", ".join([f"grouser: {self._vehicle.name}", *([self._path.name] if self._path else [])])
+            )
             self._clock = pygame.time.Clock()
         # Reading events is also what keeps the window responsive.
         if any(event.type == pygame.QUIT for event in pygame.event.get()):

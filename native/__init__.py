@@ -1,5 +1,31 @@
-"""The C core, behind ``grouser.native._core``: cell-integrated physics, surrogates, guard and whole vehicles."""
+"""The C core, behind ``grouser.native._core``: cell-integrated physics, surrogates, guard, whole vehicles and their tasks."""
 
-from ._core import Detector, Field, Fleet, Gated, Mlp, Physics, TrackNet, columns, cpu_level
+from ._core import (
+    Detector,
+    Episodes,
+    Field,
+    Fleet,
+    Gated,
+    Mlp,
+    Physics,
+    Speed,
+    Tracking,
+    TrackNet,
+    columns,
+    cpu_level,
+)
 
-__all__ = ["Detector", "Field", "Fleet", "Gated", "Mlp", "Physics", "TrackNet", "columns", "cpu_level"]
+__all__ = [
+    "Detector",
+    "Episodes",
+    "Field",
+    "Fleet",
+    "Gated",
+    "Mlp",
+    "Physics",
+    "Speed",
+    "TrackNet",
+    "Tracking",
+    "columns",
+    "cpu_level",
+]

@@ -148,6 +148,83 @@ class Fleet:
         self, vehicle: int, theta: _Array, slope_x: float, slope_y: float, field: Field | None = None, /
     ) -> None: ...
     def advance(self, commands: _Array, ticks: int, /) -> None: ...
+    @property
+    def fleet(self) -> object: ...
+
+class Tracking:
+    def __new__(
+        cls,
+        *,
+        nodes: _Array,
+        length: float,
+        closed: bool,
+        reference_speed: float,
+        control_period: float,
+        maximum_cross_track: float,
+        progress_weight: float,
+        cross_track_weight: float,
+        look_ahead: _Array,
+    ) -> Self: ...
+    @property
+    def rules(self) -> object: ...
+    def project(
+        self, x: float, y: float, near: float, window: float, /
+    ) -> tuple[float, float, float, float, float, float]: ...
+    def at(self, arc_length: float, /) -> tuple[float, float, float, float]: ...
+
+class Speed:
+    def __new__(
+        cls,
+        *,
+        knots: int,
+        segment_time: float,
+        ramp_time: float,
+        speed_weight: float,
+        yaw_rate_weight: float,
+        speed_tolerance: float,
+        yaw_rate_tolerance: float,
+        look_ahead: _Array,
+    ) -> Self: ...
+    @property
+    def rules(self) -> object: ...
+    def reference(self, profile: _Array, time: float, /) -> tuple[float, float]: ...
+
+class Episodes:
+    def __new__(
+        cls,
+        *,
+        fleet: Fleet,
+        rules: Tracking | Speed,
+        slip_block: _HasKernel,
+        ticks: int,
+        steps: int,
+        twist: bool,
+        control_period: float,
+        training_speed: float,
+        tread: float,
+        yaw_rate_scale: float,
+        bound: float,
+        action_change_weight: float,
+        slip_power_weight: float,
+        slip_power_scale: float,
+        broken_off_reward: float,
+        ranges: _Array,
+        actions: _Array,
+        idle: NDArray[np.bool_],
+        observations: NDArray[np.float32],
+        rewards: _Array,
+        terms: _Array,
+        measures: _Array,
+        terminated: NDArray[np.bool_],
+        truncated: NDArray[np.bool_],
+        memory: _Array,
+        periods: _Array,
+        previous: _Array,
+        parameters: _Array,
+        poses: _Array,
+    ) -> Self: ...
+    def step(self) -> None: ...
+    def begin(self, vehicle: int, /) -> None: ...
 
 def columns(mode: int, /) -> tuple[str, ...]: ...
 def cpu_level() -> str: ...

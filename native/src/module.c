@@ -56,7 +56,8 @@ static PyMethodDef methods[] = {
 
 static int execute(PyObject *module) {
   int (*const add[])(PyObject *) = {grouser_add_bound_type, grouser_add_physics_type,  grouser_add_mlp_type,   grouser_add_track_net_type,
-                                    grouser_add_gated_type, grouser_add_detector_type, grouser_add_field_type, grouser_add_fleet_type};
+                                    grouser_add_gated_type, grouser_add_detector_type, grouser_add_field_type, grouser_add_fleet_type,
+                                    grouser_add_rules_types, grouser_add_episodes_type};
   if (choose_level() < 0) return -1;
   for (size_t n = 0; n < sizeof add / sizeof *add; n++)
     if (add[n](module) < 0) return -1;

@@ -6,6 +6,7 @@
 
 #include "grouser/dense.h"
 #include "grouser/detector.h"
+#include "grouser/fleet.h"
 #include "grouser/ground.h"
 #include "grouser/kernel.h"
 #include "grouser/physics.h"
@@ -78,6 +79,18 @@ int grouser_read_block(int mode, int contact, int path, grouser_physics *block);
 
 #define GROUSER_DETECTOR_CAPSULE "grouser.detector"
 #define GROUSER_FIELD_CAPSULE "grouser.field"
+#define GROUSER_RULES_CAPSULE "grouser.rules"
+#define GROUSER_FLEET_CAPSULE "grouser.fleet"
+
+struct grouser_pool;
+
+/* A fleet whose arrays an object holds, and what whoever advances it has to look at. */
+typedef struct {
+  const grouser_fleet *fleet;
+  struct grouser_pool *pool;
+  int *advancing;            /* set while a thread is at it */
+  const int *without_ground; /* vehicles that must not be advanced yet */
+} grouser_fleet_hold;
 
 /* What the capsule in an object's attribute points to, valid as long as the object; or NULL and an error raised. */
 const void *grouser_pointer_of(PyObject *object, const char *attribute, const char *capsule);
@@ -89,5 +102,7 @@ int grouser_add_gated_type(PyObject *module);
 int grouser_add_detector_type(PyObject *module);
 int grouser_add_field_type(PyObject *module);
 int grouser_add_fleet_type(PyObject *module);
+int grouser_add_rules_types(PyObject *module);
+int grouser_add_episodes_type(PyObject *module);
 
 #endif

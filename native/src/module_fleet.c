@@ -14,6 +14,7 @@ typedef struct {
   grouser_plant plant;
   grouser_guard guard;
   grouser_pool pool;
+  grouser_fleet_hold hold;
   int pooled, advancing, without_ground;
   grouser_ground *grounds;
   PyObject **fields;                  /* that the grounds point into, one a vehicle, or NULL */
@@ -169,6 +170,7 @@ static int build(fleet_object *self, PyObject *arguments, PyObject *keywords) {
   self->fleet.plant = &self->plant;
   self->fleet.grounds = self->grounds;
   self->without_ground = self->fleet.vehicles;
+  self->hold = (grouser_fleet_hold){&self->fleet, &self->pool, &self->advancing, &self->without_ground};
   self->pooled = grouser_pool_start(&self->pool, threads);
   if (self->pooled) return 0;
   PyErr_Format(PyExc_RuntimeError, "the system refused to start %d threads", threads);
@@ -278,6 +280,15 @@ static PyObject *fleet_advance(PyObject *object, PyObject *const *arguments, Py_
   return good ? Py_NewRef(Py_None) : NULL;
 }
 
+static PyObject *fleet_capsule(PyObject *self, void *unused) {
+  (void)unused;
+  return PyCapsule_New(&((fleet_object *)self)->hold, GROUSER_FLEET_CAPSULE, NULL);
+}
+
+static PyGetSetDef fleet_attributes[] = {
+    {"fleet", fleet_capsule, NULL, "The compiled fleet itself, alive as long as this object.", NULL},
+    {NULL, NULL, NULL, NULL, NULL}};
+
 static PyMethodDef fleet_methods[] = {
     {"set_ground", fleet_set_ground, METH_VARARGS,
      "set_ground(vehicle, theta, slope_x, slope_y[, field]): theta of the left track, then the right; a field replaces it."},
@@ -288,6 +299,7 @@ static PyMethodDef fleet_methods[] = {
 static PyType_Slot fleet_slots[] = {{Py_tp_new, fleet_new},
                                     {Py_tp_dealloc, fleet_dealloc},
                                     {Py_tp_methods, fleet_methods},
+                                   {Py_tp_getset, fleet_attributes},
                                     {Py_tp_doc, "Vehicles of one kind in the caller's arrays, tick by tick, on several threads."},
                                     {0, NULL}};
 

@@ -1,0 +1,181 @@
+"""The batched environments as stable-baselines3 takes them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from ..terrain import ConfigurationError, missing_extra
+from .vector import TrackedVehicleVectorEnv
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.vec_env import VecEnv
+
+Indices = int | Iterable[int] | None
+
+
+def make_sb3_vec_env(id: str, num_envs: int, *, seed: int | None = None, **kwargs: Any) -> VecEnv:
+    """Make a batched environment for stable-baselines3.
+
+    It counts the episodes as ``VecMonitor`` does: the ``info`` of an episode's last step holds ``episode`` with its
+    return ``r``, length ``l`` and the time ``t`` in s since the environment was made, ``terminal_observation``, and
+    ``TimeLimit.truncated``. Every other ``info`` is one shared empty dict.
+
+    Parameters
+    ----------
+    id : str
+        Such as ``"grouser/PathTracking-v0"``.
+    num_envs : int
+        Number of sub-environments.
+    seed : int, optional
+        Of the first reset: sub-environment i takes ``seed + i``.
+    **kwargs
+        Of the vector environment: ``backend``, ``vehicle``, ``terrain``, ``threads``, settings.
+
+    Returns
+    -------
+    stable_baselines3.common.vec_env.VecEnv
+
+    Raises
+    ------
+    ConfigurationError
+        If stable-baselines3 is not installed, or the environment is not one of grouser's batched ones.
+
+    Examples
+    --------
+    >>> make_sb3_vec_env("grouser/PathTracking-v0", 8, backend="physics").num_envs
+    8
+    """
+    kind = _adapter()
+    vector = gymnasium.make_vec(
+        id,
+        num_envs=num_envs,
+        vectorization_mode="vector_entry_point",
+        autoreset_mode=AutoresetMode.SAME_STEP,
+        **kwargs,
+    )
+    if not isinstance(vector, TrackedVehicleVectorEnv):
+        raise ConfigurationError(f"{id!r} is none of grouser's batched environments: wrap it in DummyVecEnv")
+    adapter = kind(vector)
+    if seed is not None:
+        adapter.seed(seed)
+    return adapter
+
+
+@cache
+def _adapter() -> Callable[[TrackedVehicleVectorEnv[Any, Any]], VecEnv]:
+    """Return the adapter's class, which can only be made once stable-baselines3 is there."""
+    try:
+        from stable_baselines3.common.monitor import Monitor
+        from stable_baselines3.common.vec_env import VecEnv
+    except ImportError as error:
+        raise missing_extra("stable-baselines3", "rl") from error
+
+    class BatchedVecEnv(VecEnv):
+        """A batch of vehicles at one task.
+
+        Parameters
+        ----------
+        vector : TrackedVehicleVectorEnv
+            Whose batch is stepped; it is not to be used beside this.
+        """
+
+        def __init__(self, vector: TrackedVehicleVectorEnv[Any, Any]) -> None:
+            self.vector: Final = vector
+            self._batch = vector.batch
+            self._actions: Any = None
+            self._nothing: dict[str, Any] = {}
+            self._returns = np.zeros(vector.num_envs)
+            self._lengths = np.zeros(vector.num_envs, np.int64)
+            self._made = time.perf_counter()
+            super().__init__(vector.num_envs, vector.single_observation_space, vector.single_action_space)
+
+        def reset(self) -> NDArray[np.float32]:
+            """Start every sub-environment, with the seeds and options that were set since the last reset."""
+            batch, names = self._batch, self._batch.task.measures
+            for index in range(self.num_envs):
+                if self._seeds[index] is not None:
+                    batch.seed(index, self._seeds[index])
+                batch.restart(index, self._options[index])
+                self.reset_infos[index] = dict(zip(names, batch.measures[index].tolist(), strict=True))
+            self._reset_seeds()
+            self._reset_options()
+            self._returns[:] = 0.0
+            self._lengths[:] = 0
+            return batch.observations.copy()
+
+        def step_async(self, actions: NDArray[Any]) -> None:
+            """Take the actions of the next step."""
+            self._actions = actions
+
+        def step_wait(
+            self,
+        ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], list[dict[str, Any]]]:
+            """Step, and start the next episode of every sub-environment whose last one ended."""
+            batch = self._batch
+            batch.step(self._actions)
+            rewards, dones = batch.rewards.copy(), batch.terminated | batch.truncated
+            self._returns += rewards
+            self._lengths += 1
+            infos = [self._nothing] * self.num_envs
+            for index in np.flatnonzero(dones).tolist():
+                infos[index] = self._end(index)
+            return batch.observations.copy(), rewards, dones, infos
+
+        def _end(self, index: int) -> dict[str, Any]:
+            """Start a sub-environment's next episode and return what there is to say of the last."""
+            batch, fleet = self._batch, self._batch.fleet
+            info = dict(zip(batch.task.measures, batch.measures[index].tolist(), strict=True))
+            info |= {name: True for name in ("diverged", "off_map") if getattr(fleet, name)[index]}
+            info["TimeLimit.truncated"] = bool(batch.truncated[index])
+            info["terminal_observation"] = batch.observations[index].copy()
+            info["episode"] = {
+                "r": float(self._returns[index]),
+                "l": int(self._lengths[index]),
+                "t": round(time.perf_counter() - self._made, 6),
+            }
+            self._returns[index] = self._lengths[index] = 0
+            batch.restart(index)
+            self.reset_infos[index] = dict(zip(batch.task.measures, batch.measures[index].tolist(), strict=True))
+            return info
+
+        def close(self) -> None:
+            """Release the vector environment."""
+            self.vector.close()
+
+        def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+            """Return an attribute that all sub-environments share, of the task or the vector environment."""
+            for owner in (self._batch.task, self.vector):
+                if hasattr(owner, attr_name):
+                    return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
+            raise AttributeError(f"no sub-environment has the attribute {attr_name!r}")
+
+        def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
+            """Refuse: sub-environments have no attributes of their own."""
+            raise AttributeError(f"{attr_name!r} cannot be set: the sub-environments are rows of one batch")
+
+        def env_method(
+            self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
+        ) -> list[Any]:
+            """Call a method of the task, once for each sub-environment."""
+            (method, *_) = self.get_attr(method_name, 0)
+            return [method(*method_args, **method_kwargs) for _ in self._get_indices(indices)]
+
+        def env_is_wrapped(
+            self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: Indices = None
+        ) -> list[bool]:
+            """Whether each sub-environment does what a wrapper would: it counts episodes, as ``Monitor`` does."""
+            return [issubclass(Monitor, wrapper_class) for _ in self._get_indices(indices)]
+
+        def get_images(self) -> Sequence[None]:
+            """Return no frames: there are none."""
+            return [None] * self.num_envs
+
+    return BatchedVecEnv

@@ -1,0 +1,150 @@
+"""The settings that every task of a tracked vehicle has, validated and frozen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Final, Literal, TypeVar
+
+from ..terrain import InvalidInputError, resolve_ground, unknown_name
+from ..terrain.parameters import require_in
+from .footing import GROUND_SAMPLINGS, GroundSampling
+from .state import VehicleState
+from .tick import INTEGRATORS, Integrator
+
+ActionMode = Literal["belts", "twist"]
+ACTION_MODES: Final[tuple[ActionMode, ...]] = ("belts", "twist")
+
+
+@dataclass(frozen=True)
+class TaskConfig:
+    """Settings that the tasks share.
+
+    Parameters
+    ----------
+    action_mode : {"belts", "twist"}
+        Whether an action is left and right belt speed, or speed and yaw rate.
+    control_period : float
+        In s, a multiple of the tick.
+    tick : float
+        T_s in s.
+    integrator : str
+        Of the simulator.
+    ground_sampling : {"vehicle", "tracks"}
+        Whether θ is taken at the CG or at each track; see :class:`~grouser.envs.Simulator`.
+    grade, bank : float
+        Slope of the plane in rad, along its x and y axes, positive uphill; added to the ground's own.
+    yaw_rate_scale : float
+        Yaw rate of a full ``twist`` action, in rad/s.
+    observe_terrain : bool
+        Whether the observation ends with the terrain parameters.
+    time_limit : float
+        Length of an episode in s, after which it is truncated.
+    lowest_start_speed : float
+        Initial speed is drawn from this share of the reference speed up to all of it.
+    action_change_weight, slip_power_weight : float
+        Weights of the reward's terms.
+
+    Raises
+    ------
+    InvalidInputError
+        If a number is impossible.
+    ConfigurationError
+        If the action mode, the integrator or the ground sampling is unknown.
+    """
+
+    action_mode: ActionMode = "belts"
+    control_period: float = 0.1
+    tick: float = 0.01
+    integrator: Integrator = "implicit"
+    ground_sampling: GroundSampling = "vehicle"
+    grade: float = 0.0
+    bank: float = 0.0
+    yaw_rate_scale: float = 1.0
+    observe_terrain: bool = False
+    time_limit: float = 40.0
+    lowest_start_speed: float = 0.5
+    action_change_weight: float = 0.05
+    slip_power_weight: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.action_mode not in ACTION_MODES:
+            raise unknown_name("action mode", self.action_mode, ACTION_MODES)
+        if self.integrator not in INTEGRATORS:
+            raise unknown_name("integrator", self.integrator, INTEGRATORS)
+        if self.ground_sampling not in GROUND_SAMPLINGS:
+            raise unknown_name("ground sampling", self.ground_sampling, GROUND_SAMPLINGS)
+        for name in ("grade", "bank"):
+            require_in(name, getattr(self, name), -math.pi / 4, math.pi / 4)
+        self._require_flag("observe_terrain")
+        for name in ("control_period", "tick", "yaw_rate_scale", "time_limit"):
+            require_in(name, getattr(self, name), 0.0, 1e4, low_open=True)
+        require_in("lowest_start_speed", self.lowest_start_speed, 0.0, 1.0)
+        for field in fields(self):
+            if field.name.endswith("_weight"):
+                require_in(field.name, getattr(self, field.name), 0.0, 1e6)
+
+    def _require_flag(self, name: str) -> None:
+        if not isinstance(getattr(self, name), bool):
+            raise InvalidInputError(f"{name} must be True or False, got {getattr(self, name)!r}")
+
+
+_Config = TypeVar("_Config", bound=TaskConfig)
+
+
+def build_config(kind: type[_Config], task: str, settings: Mapping[str, Any]) -> _Config:
+    """Build a task's settings from keyword arguments.
+
+    Raises
+    ------
+    ConfigurationError
+        If a key is unknown, with the nearest one that exists.
+    """
+    known = {field.name for field in fields(kind)}
+    for key in settings:
+        if key not in known:
+            raise unknown_name(f"{task} setting", key, known)
+    return kind(**settings)
+
+
+def check_options(
+    options: Mapping[str, Any], known: Mapping[str, Any], kinds: Mapping[str, type] | None = None
+) -> dict[str, Any]:
+    """Return reset options, once every key is seen to be known and every value to be of its kind.
+
+    Parameters
+    ----------
+    options : mapping
+        As ``reset`` received them.
+    known : mapping
+        Its keys are those that the task takes: ``terrain``, ``state``, those in ``kinds``, and finite numbers else.
+    kinds : mapping, optional
+        Classes of the values of further keys.
+
+    Raises
+    ------
+    ConfigurationError
+        If a key is unknown, or the terrain's name is.
+    InvalidInputError
+        If a number is not finite or a value is of another kind.
+    """
+    classes = {"state": VehicleState} | dict(kinds or {})
+    checked: dict[str, Any] = {}
+    for key, value in options.items():
+        if key not in known:
+            raise unknown_name("reset option", key, known)
+        if key == "terrain":
+            checked[key] = resolve_ground(value)
+        elif key in classes:
+            if not isinstance(value, classes[key]):
+                raise InvalidInputError(f"the reset option {key} takes a {classes[key].__name__}, got {value!r}")
+            checked[key] = value
+        else:
+            try:
+                checked[key] = float(value)
+            except (TypeError, ValueError):
+                checked[key] = math.nan
+            if not math.isfinite(checked[key]):
+                raise InvalidInputError(f"the reset option {key} takes a finite number, got {value!r}")
+    return checked

@@ -1,0 +1,294 @@
+"""What every Gymnasium task of one tracked vehicle shares: actions, the control period, breaking off, info, frames."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from typing import Any, Final, Generic, Literal
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from ..terrain import (
+    ConfigurationError,
+    FloatArray,
+    ForceBackend,
+    GuardedBackend,
+    GuardMode,
+    InvalidInputError,
+    OffMapError,
+    SimulationDivergedError,
+    make_backend,
+    unknown_name,
+)
+from .batch import Batch
+from .footing import track_forces_on
+from .observation import OBSERVATION_BOUND, Observation, belt_command
+from .path import Path
+from .rendering import Renderer, RenderMode
+from .simulator import Simulator, TickRecord
+from .state import VehicleState
+from .task import SHARED_TERMS, ConfigT, EpisodeT, Start, Task
+
+ActionSpace = gymnasium.Space[NDArray[np.float32]]
+ObservationSpace = gymnasium.Space[Observation]
+
+#: Whether control periods are simulated by the compiled engine or tick by tick in Python.
+Engine = Literal["compiled", "python"]
+ENGINES: Final[tuple[Engine, ...]] = ("compiled", "python")
+
+
+class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[ConfigT, EpisodeT]):
+    """One tracked vehicle at a task.
+
+    Parameters
+    ----------
+    task : Task
+        What is asked of the vehicle.
+    backend : str or ForceBackend
+        Name for :func:`grouser.terrain.make_backend`, or a backend.
+    render_mode : {"rgb_array", "human"}, optional
+        How :meth:`render` shows the vehicle.
+    backend_options : mapping, optional
+        For :func:`grouser.terrain.make_backend`.
+    engine : {"compiled", "python"}, optional
+        What simulates a control period; by default the compiled engine, wherever it has the backend and the ground.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as Gymnasium declares it
+        "render_modes": ["rgb_array", "human"],
+        "render_fps": 10,
+    }
+
+    def __init__(
+        self,
+        task: Task[ConfigT, EpisodeT],
+        backend: str | ForceBackend,
+        *,
+        render_mode: RenderMode | None,
+        backend_options: Mapping[str, Any] | None,
+        engine: Engine | None,
+    ) -> None:
+        if engine is not None and engine not in ENGINES:
+            raise unknown_name("engine", engine, ENGINES)
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
+        self.task: Final = task
+        self.config: Final = task.config
+        self.vehicle: Final = task.vehicle
+        self.simulator: Final = make_simulator(task, backend, backend_options)
+        self._engine = engine
+        self._batch = None if engine == "python" else self._compile()
+        self._in_batch = False
+        self._shown_state: VehicleState | None = None
+        self.render_mode = render_mode
+        # Gymnasium widens render_mode to any string.
+        self._draw_mode = render_mode
+        self._renderer: Renderer | None = None
+        self.metadata = self.metadata | {"render_fps": round(1 / self.config.control_period)}
+        self.action_space, self.observation_space = spaces(task)
+        self._action = np.zeros(2)
+        self._step_count = 0
+        self._begun: EpisodeT | None = None
+        self._theta: FloatArray | None = None
+
+    def _compile(self) -> Batch[ConfigT, EpisodeT] | None:
+        """Return the compiled engine of this one vehicle, where there is one."""
+        try:
+            return Batch(self.task, self.simulator.backend, 1)
+        except ConfigurationError:
+            if self._engine == "compiled":
+                raise
+            return None
+
+    @property
+    def _episode(self) -> EpisodeT:
+        if self._begun is None:
+            raise gymnasium.error.ResetNeeded("call reset() before step()")
+        return self._begun
+
+    @property
+    def _path(self) -> Path | None:
+        """The path that frames show."""
+        return None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode.
+
+        The same draws are made whatever the options, so that an option changes nothing but what it names.
+        """
+        super().reset(seed=seed)
+        start = self.task.start(self.np_random, options or {})
+        self._in_batch = self._begin_in_batch(start)
+        self.simulator.set_ground(start.ground)
+        self._show(start.state)
+        self._begun = start.episode
+        self._step_count = 0
+        self._action = np.zeros(2)
+        if self._renderer is not None:
+            self._renderer.reset()
+        if self.render_mode == "human":
+            self.render()
+        return self._observation(), self._measures(start.state)
+
+    def _begin_in_batch(self, start: Start[EpisodeT]) -> bool:
+        """Begin an episode in the compiled engine, unless there is none or it does not have the ground."""
+        if self._batch is None:
+            return False
+        try:
+            self._batch.begin(0, start)
+        except ConfigurationError:
+            if self._engine == "compiled":
+                raise
+            return False
+        return True
+
+    def _show(self, state: VehicleState) -> None:
+        """Let the simulator have the engine's state."""
+        self._shown_state = state
+        self.simulator.set_state(state)
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Hold an action for one control period.
+
+        Raises
+        ------
+        InvalidInputError
+            If the action is not two numbers in [-1, 1].
+        """
+        checked = np.asarray(action, dtype=np.float64)
+        if checked.shape != (2,) or not np.all(np.abs(checked) <= 1.0):
+            raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
+        episode = self._episode
+        outcome = self._step_in_batch(checked) if self._in_batch else self._step_in_python(checked, episode)
+        if self.render_mode == "human":
+            self.render()
+        return outcome
+
+    def _step_in_batch(self, action: FloatArray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        batch = self._batch
+        if batch is None:
+            raise gymnasium.error.ResetNeeded("call reset() before step()")
+        fleet, simulator = batch.fleet, self.simulator
+        if simulator.get_state() is not self._shown_state:
+            fleet.set_state(0, simulator.get_state())
+        if simulator.ground is not fleet.ground(0):
+            fleet.set_ground(0, simulator.ground)
+        batch.step(action[None])
+        state = fleet.get_state(0)
+        self._show(state)
+        info = self._measures(state)
+        if fleet.diverged[0] or fleet.off_map[0]:
+            info |= {"diverged" if fleet.diverged[0] else "off_map": True}
+        else:
+            terms = dict(zip(batch.term_names, batch.terms[0].tolist(), strict=True))
+            info |= force_info(simulator.backend, batch.record(0)) | {"reward_terms": terms}
+        ends = bool(batch.terminated[0]), bool(batch.truncated[0])
+        return self._observation(), float(batch.rewards[0]), *ends, info
+
+    def _step_in_python(
+        self, action: FloatArray, episode: EpisodeT
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        command = belt_command(action, self.vehicle, self.config)
+        try:
+            for _ in range(self.task.ticks):
+                record = self.simulator.step(command)
+        except SimulationDivergedError:
+            return self._broken_off(action, "diverged")
+        except OffMapError:
+            return self._broken_off(action, "off_map")
+        own, terminated = self.task.assess(episode, record.state)
+        costs = self.task.costs(action, self._action, record)
+        terms = dict(zip((*self.task.terms, *SHARED_TERMS), own + costs, strict=True))
+        self._action = action
+        self._step_count += 1
+        truncated = not terminated and self._step_count >= self.task.steps
+        info = force_info(self.simulator.backend, record) | self._measures(record.state)
+        return self._observation(), sum(terms.values()), terminated, truncated, info | {"reward_terms": terms}
+
+    def _broken_off(self, action: FloatArray, why: str) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """End the episode where the last solved tick left the vehicle: one bad episode must not end a training."""
+        self._action = action
+        self._step_count += 1
+        state = self.simulator.get_state()
+        self.task.follow(self._episode, state)
+        info = {why: True} | self._measures(state)
+        return self._observation(), self.task.broken_off_reward, True, False, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Show the vehicle from above: an image (height, width, 3), or a window."""
+        if self._draw_mode is None:
+            gymnasium.logger.warn("render() without a render_mode: pass render_mode='rgb_array' to gymnasium.make")
+            return None
+        if self._renderer is None:
+            self._renderer = Renderer(self._path, self.vehicle, self._draw_mode, fps=self.metadata["render_fps"])
+        return self._renderer.draw(self.simulator.get_state(), label=self.simulator.backend.name)
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _measures(self, state: VehicleState) -> dict[str, Any]:
+        """Return what the task tells of the vehicle."""
+        if self._in_batch and self._batch is not None:
+            return dict(zip(self.task.measures, self._batch.measures[0].tolist(), strict=True))
+        return dict(zip(self.task.measures, self.task.measure(self._episode, state), strict=True))
+
+    def _observation(self) -> Observation:
+        if self._in_batch and self._batch is not None:
+            observation: Observation = self._batch.observations[0].copy()
+            return observation
+        state = self.simulator.get_state()
+        if self.config.observe_terrain:
+            # Off the map the vehicle sees what it saw last.
+            with contextlib.suppress(OffMapError):
+                self._theta = self.simulator.ground.parameters_at(state.x, state.y)
+        return self.task.observe(self._episode, state, self._action, self._theta)
+
+
+def make_simulator(
+    task: Task[ConfigT, EpisodeT], backend: str | ForceBackend, backend_options: Mapping[str, Any] | None
+) -> Simulator:
+    """Return the simulator of a task's vehicle."""
+    config = task.config
+    return Simulator(
+        task.vehicle,
+        make_backend(backend, mode=task.mode, vehicle=task.vehicle, **(backend_options or {})),
+        task.ground,
+        tick=config.tick,
+        integrator=config.integrator,
+        ground_sampling=config.ground_sampling,
+    )
+
+
+def spaces(task: Task[ConfigT, EpisodeT]) -> tuple[ActionSpace, ObservationSpace]:
+    """Return action and observation space of one vehicle at a task."""
+    return (
+        gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32),
+        gymnasium.spaces.Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (task.observation_size,), np.float32),
+    )
+
+
+def force_info(backend: ForceBackend, record: TickRecord) -> dict[str, Any]:
+    """Return what ``info`` tells of the last tick's forces, and of the guard where there is one."""
+    info: dict[str, Any] = {"force": record.forces.copy(), "backend": backend.name}
+    if backend.has_track_forces:
+        shear = track_forces_on(record.footing, backend, record.row, rolling=False)
+        info |= {
+            "track_forces": track_forces_on(record.footing, backend, record.row),
+            "sprocket_power": float(record.row[5:7] @ shear[:, 0]),
+        }
+    if isinstance(backend, GuardedBackend) and record.detection is not None:
+        guard = record.state.guard
+        active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback
+        info |= {
+            "backend": active.name,
+            "ood_score": record.detection.score,
+            "fallback_weight": guard.fallback_weight,
+        }
+    return info

@@ -1,0 +1,319 @@
+"""Vector environments over the compiled engine: Gymnasium's tasks for any number of vehicles at once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Generic
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from ..terrain import (
+    ConfigurationError,
+    ForceBackend,
+    Ground,
+    GuardedBackend,
+    InvalidInputError,
+    TrackedVehicle,
+    make_backend,
+    unknown_name,
+)
+from .batch import Batch
+from .engine import compiled_ground, compiled_guard, compiled_kernel
+from .observation import Observation
+from .path import Path
+from .path_task import PathEpisode, PathTask
+from .speed_config import SpeedConfig, speed_config
+from .speed_task import SpeedEpisode, SpeedTask
+from .task import ConfigT, EpisodeT, Task
+from .tracked_env import spaces
+from .tracking_config import TrackingConfig, tracking_config
+from .vector_info import VectorInfo, batch_info, merged, reset_info
+
+_Flags = NDArray[np.bool_]
+Step = tuple[Observation, NDArray[np.float64], _Flags, _Flags, dict[str, Any]]
+
+#: When an episode that ended is followed by the next one.
+AUTORESET_MODES: Final = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
+
+
+class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], Generic[ConfigT, EpisodeT]):
+    """Any number of tracked vehicles at one task, stepped together on several threads.
+
+    Sub-environment i is the single environment of the task, reset with its seed: equal actions give the same
+    observations, rewards and ends to the bit, episode after episode, whatever the number of sub-environments and
+    threads. Of the single environment's ``info``, ``track_forces`` and ``sprocket_power`` are left out.
+
+    Parameters
+    ----------
+    task : Task
+        What is asked of every vehicle.
+    backend : str or ForceBackend
+        A compiled one: ``"physics"``, ``"exact"``, ``"native"`` or ``"guarded"``.
+    num_envs : int
+        Number of sub-environments.
+    threads : int
+        Threads that share them.
+    autoreset_mode : AutoresetMode or str
+        ``AutoresetMode.NEXT_STEP``, where the step after an end resets and ignores the action, or
+        ``AutoresetMode.SAME_STEP``, where the step that ends also resets, with the last observation and info in
+        ``infos["final_obs"]`` and ``infos["final_info"]``.
+    backend_options : mapping, optional
+        For :func:`grouser.terrain.make_backend`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the backend or the ground is not compiled, or the autoreset mode is unknown.
+    InvalidInputError
+        If there is no sub-environment or no thread.
+    """
+
+    def __init__(
+        self,
+        task: Task[ConfigT, EpisodeT],
+        backend: str | ForceBackend,
+        num_envs: int,
+        *,
+        threads: int,
+        autoreset_mode: AutoresetMode | str,
+        backend_options: Mapping[str, Any] | None,
+    ) -> None:
+        self.autoreset_mode: Final = _autoreset_mode(autoreset_mode)
+        self.batch: Final = make_batch(task, backend, num_envs, threads=threads, backend_options=backend_options)
+        self.task: Final = task
+        self.num_envs = num_envs
+        self.single_action_space, self.single_observation_space = spaces(task)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.metadata = {
+            "render_modes": [],
+            "render_fps": round(1 / task.config.control_period),
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self._ended: _Flags = np.zeros(num_envs, np.bool_)
+        self._all: _Flags = np.ones(num_envs, np.bool_)
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """Generator of each sub-environment."""
+        return self.batch.generators
+
+    @property
+    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
+        """Seed of each sub-environment."""
+        return self.batch.seeds
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, VectorInfo]:
+        """Start an episode in every sub-environment.
+
+        Parameters
+        ----------
+        seed : int or sequence of int, optional
+            Of each sub-environment; one number s stands for s, s + 1, s + 2, ...
+        options : dict, optional
+            Of the task's single environment, for all alike; and ``reset_mask``, a bool array of shape (n,), to reset
+            only where it holds.
+
+        Raises
+        ------
+        InvalidInputError
+            If there are not as many seeds as sub-environments, or the mask is not one.
+        """
+        chosen = dict(options or {})
+        mask = self._all
+        if "reset_mask" in chosen:
+            mask = _reset_mask(chosen.pop("reset_mask"), self.num_envs)
+        seeds = _seeds(seed, self.num_envs)
+        for index in np.flatnonzero(mask).tolist():
+            if seeds[index] is not None:
+                self.batch.seed(index, seeds[index])
+            self.batch.restart(index, chosen)
+        self._ended = self._ended & ~mask
+        return self.batch.observations.copy(), reset_info(self.batch, mask)
+
+    def step(self, actions: ArrayLike) -> Step:
+        """Hold an action of every sub-environment for one control period.
+
+        Parameters
+        ----------
+        actions : array_like, shape (n, 2)
+            In [-1, 1].
+
+        Returns
+        -------
+        observations : ndarray of float32, shape (n, k)
+        rewards : ndarray, shape (n,)
+        terminations, truncations : ndarray of bool, shape (n,)
+        infos : dict
+            Arrays by name, each with a mask ``_name`` of who has it.
+
+        Raises
+        ------
+        InvalidInputError
+            If the actions have another shape or leave the box.
+        """
+        batch = self.batch
+        batch.idle[:] = self._ended
+        batch.step(actions)
+        rewards, terminations, truncations = batch.rewards.copy(), batch.terminated.copy(), batch.truncated.copy()
+        ended = terminations | truncations
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            observations, infos = self._same_step(ended)
+        else:
+            observations, infos = self._next_step(ended)
+        return observations, rewards, terminations, truncations, infos
+
+    def _next_step(self, ended: _Flags) -> tuple[Observation, VectorInfo]:
+        batch, resets = self.batch, self._ended
+        self._ended = ended
+        if not resets.any():
+            return batch.observations.copy(), batch_info(batch, self._all)
+        infos = batch_info(batch, ~resets)
+        self._restart(resets)
+        return batch.observations.copy(), merged(infos, reset_info(batch, resets))
+
+    def _same_step(self, ended: _Flags) -> tuple[Observation, VectorInfo]:
+        batch = self.batch
+        if not ended.any():
+            return batch.observations.copy(), batch_info(batch, self._all)
+        infos = batch_info(batch, ~ended)
+        final = batch_info(batch, ended)
+        last = np.full(self.num_envs, None, dtype=object)
+        for index in np.flatnonzero(ended).tolist():
+            last[index] = batch.observations[index].copy()
+        self._restart(ended)
+        infos = merged(infos, reset_info(batch, ended))
+        infos |= {"final_obs": last, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy()}
+        return batch.observations.copy(), infos
+
+    def _restart(self, mask: _Flags) -> None:
+        for index in np.flatnonzero(mask).tolist():
+            self.batch.restart(index)
+
+
+class PathTrackingVectorEnv(TrackedVehicleVectorEnv[TrackingConfig, PathEpisode]):
+    """``grouser/PathTracking-v0`` for many vehicles; see :class:`PathTrackingEnv` and :class:`TrackedVehicleVectorEnv`.
+
+    Parameters
+    ----------
+    num_envs, threads, autoreset_mode
+        As of :class:`TrackedVehicleVectorEnv`.
+    backend, vehicle, terrain, path, backend_options, **settings
+        As of :class:`PathTrackingEnv`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        backend: str | ForceBackend = "native",
+        vehicle: str | os.PathLike[str] | TrackedVehicle = "m113",
+        terrain: str | os.PathLike[str] | Ground = "asphalt",
+        path: str | os.PathLike[str] | Path = "iso-3888-1",
+        *,
+        threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        backend_options: Mapping[str, Any] | None = None,
+        **settings: Any,
+    ) -> None:
+        super().__init__(
+            PathTask(vehicle, terrain, tracking_config(settings), path),
+            backend,
+            num_envs,
+            threads=threads,
+            autoreset_mode=autoreset_mode,
+            backend_options=backend_options,
+        )
+
+
+class SpeedTrackingVectorEnv(TrackedVehicleVectorEnv[SpeedConfig, SpeedEpisode]):
+    """``grouser/SpeedTracking-v0`` for many vehicles; see :class:`SpeedTrackingEnv` and :class:`TrackedVehicleVectorEnv`.
+
+    Parameters
+    ----------
+    num_envs, threads, autoreset_mode
+        As of :class:`TrackedVehicleVectorEnv`.
+    backend, vehicle, terrain, backend_options, **settings
+        As of :class:`SpeedTrackingEnv`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        backend: str | ForceBackend = "native",
+        vehicle: str | os.PathLike[str] | TrackedVehicle = "m113",
+        terrain: str | os.PathLike[str] | Ground = "asphalt",
+        *,
+        threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        backend_options: Mapping[str, Any] | None = None,
+        **settings: Any,
+    ) -> None:
+        super().__init__(
+            SpeedTask(vehicle, terrain, speed_config(settings)),
+            backend,
+            num_envs,
+            threads=threads,
+            autoreset_mode=autoreset_mode,
+            backend_options=backend_options,
+        )
+
+
+def make_batch(
+    task: Task[ConfigT, EpisodeT],
+    backend: str | ForceBackend,
+    num_envs: int,
+    *,
+    threads: int,
+    backend_options: Mapping[str, Any] | None,
+) -> Batch[ConfigT, EpisodeT]:
+    """Return the batch of a vector environment.
+
+    Raises
+    ------
+    ConfigurationError
+        If the backend or the ground is not compiled.
+    InvalidInputError
+        If there is no sub-environment or no thread.
+    """
+    for name, value in (("num_envs", num_envs), ("threads", threads)):
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            raise InvalidInputError(f"{name} must be a whole number of at least 1, got {value!r}")
+    built = make_backend(backend, mode=task.mode, vehicle=task.vehicle, **(backend_options or {}))
+    try:
+        compiled_kernel(built.primary if isinstance(built, GuardedBackend) else built)
+        compiled_guard(built)
+        compiled_ground(task.ground, {})
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"{error}. In gymnasium.make_vec, vectorization_mode='sync' steps single environments in turn"
+        ) from error
+    return Batch(task, built, num_envs, threads=threads)
+
+
+def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    for known in AUTORESET_MODES:
+        if mode in (known, known.value, known.name):
+            return known
+    raise unknown_name("autoreset mode", getattr(mode, "value", mode), [known.value for known in AUTORESET_MODES])
+
+
+def _seeds(seed: int | Sequence[int | None] | None, count: int) -> Sequence[int | None]:
+    if seed is None:
+        return [None] * count
+    if isinstance(seed, int | np.integer):
+        return range(int(seed), int(seed) + count)
+    if len(seed) != count:
+        raise InvalidInputError(f"a seed for all or for each of {count} sub-environments, got {len(seed)}")
+    return seed
+
+
+def _reset_mask(mask: Any, count: int) -> _Flags:
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (count,) or not mask.any():
+        raise InvalidInputError(f"reset_mask is a bool array of shape ({count},) that holds somewhere, got {mask!r}")
+    return mask

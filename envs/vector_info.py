@@ -1,0 +1,72 @@
+"""What a vector environment tells of its sub-environments: arrays by name, each with a mask of who has it.
+
+The layout is that of :class:`gymnasium.vector.SyncVectorEnv`, filled by whole arrays.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..terrain import GuardedBackend
+from .batch import Batch
+from .task import ConfigT, EpisodeT
+
+VectorInfo = dict[str, Any]
+_Flags = NDArray[np.bool_]
+
+
+def reset_info(batch: Batch[ConfigT, EpisodeT], begun: _Flags) -> VectorInfo:
+    """Return the infos of resets where ``begun`` holds."""
+    info: VectorInfo = {}
+    for name, values in zip(batch.task.measures, batch.measures.T, strict=True):
+        _put(info, name, values, begun)
+    return info
+
+
+def batch_info(batch: Batch[ConfigT, EpisodeT], stepped: _Flags) -> VectorInfo:
+    """Return the infos of a step where ``stepped`` holds."""
+    fleet = batch.fleet
+    info = reset_info(batch, stepped)
+    moved = stepped
+    for name, lost in (("diverged", fleet.diverged), ("off_map", fleet.off_map)):
+        lost &= stepped
+        if lost.any():
+            info |= {name: lost, f"_{name}": lost.copy()}
+            moved = moved & ~lost
+    if not moved.any():
+        return info
+    _put(info, "force", fleet.record.forces, moved)
+    names = np.full(len(batch), fleet.backend.name, dtype=object)
+    if isinstance(fleet.backend, GuardedBackend):
+        names[:] = fleet.backend.primary.name
+        names[fleet.on_fallback] = fleet.backend.fallback.name
+        _put(info, "ood_score", fleet.record.score, moved)
+        _put(info, "fallback_weight", fleet.fallback_weight, moved)
+    names[~moved] = None
+    info |= {"backend": names, "_backend": moved.copy()}
+    terms: VectorInfo = {}
+    for name, values in zip(batch.term_names, batch.terms.T, strict=True):
+        _put(terms, name, values, moved)
+    return info | {"reward_terms": terms, "_reward_terms": moved.copy()}
+
+
+def merged(info: VectorInfo, other: VectorInfo) -> VectorInfo:
+    """Return the infos of two disjoint sets of sub-environments as one."""
+    both = info | other
+    for name in info.keys() & other.keys():
+        if not name.startswith("_"):
+            mask = other[f"_{name}"]
+            both[name] = np.where(mask, other[name], info[name])
+            both[f"_{name}"] = mask | info[f"_{name}"]
+    return both
+
+
+def _put(info: VectorInfo, name: str, values: NDArray[Any], mask: _Flags) -> None:
+    """Add a copy of the values, zero where the mask does not hold."""
+    copy = np.array(values, order="C")
+    if not mask.all():
+        copy[~mask] = 0
+    info[name], info[f"_{name}"] = copy, mask.copy()
