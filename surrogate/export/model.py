@@ -9,7 +9,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ...terrain import GRAVITY, ConfigurationError, PhysicsBackend, SwitchingPolicy, TrackedVehicle, block_geometry
+from ...terrain import (
+    GRAVITY,
+    ConfigurationError,
+    FloatArray,
+    PhysicsBackend,
+    SwitchingPolicy,
+    TrackedVehicle,
+    block_geometry,
+)
 from ..artifact import Surrogate
 from ..detector import BoxMahalanobisDetector
 from ..guarded import fallback_of
@@ -84,8 +92,7 @@ def surrogate_tables(read: Read, surrogate: Surrogate) -> str:
             "reach": doubles(points.reach),
             "half_travel": double(points.half_travel),
             "part_length": double(points.length),
-            "mean": rows(points.mean),
-            "moment": rows(points.moment),
+            **{name: rows(values) for name, values in element_arrays(vehicle).items()},
             "arm": doubles(vehicle.element_centers),
         }
         initializer = struct(read(core.STRUCTURED_HEADER), "grouser_track_net", values)
@@ -165,6 +172,14 @@ def _vehicle(header: str, vehicle: TrackedVehicle) -> str:
     names = ("mass", "yaw_inertia", "tread", "contact_center", "belt_time_constant", "belt_acceleration")
     values = {name: double(getattr(vehicle, name)) for name in names} | {"gravity": double(GRAVITY)}
     return struct(header, "grouser_vehicle", values)
+
+
+def element_arrays(vehicle: TrackedVehicle) -> dict[str, FloatArray]:
+    """Return what a structured surrogate's elements take of its shear points, each of shape (n, 4)."""
+    points = shear_points(vehicle)
+    mean, moment = points.mean.T, points.moment.T
+    turning = vehicle.element_centers[:, None] * mean + vehicle.element_length / 2 * moment
+    return {"mean": mean, "moment": moment, "turning": turning}
 
 
 def layer_arrays(network: DenseNetwork) -> dict[str, NDArray[np.float32]]:

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from ...terrain import PhysicsBackend, SwitchingPolicy
 from ..artifact import Surrogate
-from ..track_model import shear_points
 from . import golden
 from .checksum import Checksum
 from .literals import braced, double, doubles, table
-from .model import layer_arrays
+from .model import element_arrays, layer_arrays
 
 #: Shares of the largest training speed that the self-test drives at, right belt; the left one is a tenth slower.
 _CURVE, _FAST, _SLOW = 0.4, 1.3, 0.5
@@ -83,9 +82,8 @@ def _checksum(surrogate: Surrogate) -> tuple[list[str], int]:
     for side, normalizer in (("input", surrogate.input_normalizer), ("output", surrogate.output_normalizer)):
         named += [(f"surrogate.{side}_mean", normalizer.mean), (f"surrogate.{side}_scale", normalizer.scale)]
     if surrogate.structured:
-        points = shear_points(surrogate.vehicle)
-        for name in ("mean", "moment"):
-            named += [(f"surrogate.{name}[{j}]", row) for j, row in enumerate(getattr(points, name))]
+        for name, values in element_arrays(surrogate.vehicle).items():
+            named += [(f"surrogate.{name}[{i}]", row) for i, row in enumerate(values)]
     named += [
         (f"guard.detector.{name}", getattr(detector, name)) for name in ("low", "high", "center", "reach", "slack")
     ]
