@@ -14,7 +14,7 @@ def test_the_program_of_the_page_runs(exported: Callable[[str], Exported], tmp_p
     code = exported("m113-rigid")
     (program,) = re.findall(r"```c\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
     (tmp_path / "main.c").write_text(program)
-    compiled([str(GCC), "-std=c99", "-O1", *WARNINGS, f"-I{code.folder}", "main.c", code.source, "-lm", "-o", "main"],
+    compiled([str(GCC), "-std=c99", *WARNINGS, f"-I{code.folder}", "main.c", code.source, "-lm", "-o", "main"],
              tmp_path)  # fmt: skip
     done = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True)
     assert re.fullmatch(r"Qx -?\d+ N, .*score 0\.\d+\nafter 5\.0 s at .* m/s\n", done.stdout), done.stdout

@@ -97,9 +97,7 @@ def test_two_exports_fit_into_one_program(exported: Callable[[str], Exported], t
     main.write_text(f"{includes}int main(void) {{ return {calls}; }}\n")
     folders = [f"-I{code.folder}" for code in codes]
     sources = [code.source for code in codes]
-    compiled(
-        [str(GCC), "-std=c99", "-O1", *WARNINGS, *folders, main, *sources, "-lm", "-o", tmp_path / "both"], tmp_path
-    )
+    compiled([str(GCC), "-std=c99", *WARNINGS, *folders, main, *sources, "-lm", "-o", tmp_path / "both"], tmp_path)
     compiled([tmp_path / "both"], tmp_path)
 
 
@@ -108,7 +106,7 @@ def test_a_compiler_without_vectors_passes_the_self_test(code: Exported, artifac
     text = code.source.read_text()
     assert text.count("#if defined(__GNUC__)\n") == 2
     (tmp_path / code.source.name).write_text(text.replace("defined(__GNUC__)", "0"))
-    compiled([str(GCC), "-std=c99", "-O1", *WARNINGS, f"-I{code.folder}", code.folder / "selftest.c", code.source.name,
+    compiled([str(GCC), "-std=c99", *WARNINGS, f"-I{code.folder}", code.folder / "selftest.c", code.source.name,
               "-lm", "-o", "selftest"], tmp_path)  # fmt: skip
     compiled([tmp_path / "selftest"], tmp_path)
 
@@ -124,7 +122,7 @@ def test_an_altered_number_fails_the_self_test(code: Exported, artifact: str, tm
         altered = text[: found.start(1)] + repr(float(found[1]) * 1.001) + text[found.end(1) :]
         (tmp_path / code.source.name).write_text(altered)
         program = tmp_path / "selftest"
-        compiled([str(GCC), "-O1", f"-I{code.folder}", code.folder / "selftest.c", code.source.name, "-lm", "-o", program],
+        compiled([str(GCC), f"-I{code.folder}", code.folder / "selftest.c", code.source.name, "-lm", "-o", program],
                  tmp_path)  # fmt: skip
         done = subprocess.run([program], capture_output=True, text=True, check=False)
         assert done.returncode == 1
@@ -150,7 +148,7 @@ def test_nothing_of_the_machine_is_in_the_files(code: Exported) -> None:
 @structured_rigid
 def test_the_s_function_runs_in_a_host(code: Exported, surrogate: Surrogate, tmp_path: Path, rows: FloatArray) -> None:
     program = tmp_path / "engine"
-    compiled([str(GCC), "-std=c99", "-O1", *WARNINGS, "-DMATLAB_MEX_FILE", f"-I{SUPPORT / 'simulink'}",
+    compiled([str(GCC), "-std=c99", *WARNINGS, "-DMATLAB_MEX_FILE", f"-I{SUPPORT / 'simulink'}",
               f"{code.prefix}_sfun.c", code.source.name, "-lm", "-o", program], code.folder)  # fmt: skip
     rows[10:14, 0] = 40.0
     text = "\n".join(" ".join(map(repr, row.tolist())) for row in rows)
@@ -185,7 +183,7 @@ def test_wheels_apart_and_an_exact_fallback_are_exported_too(
     surrogate = make_structured("soil", "tanh", (8,), TrackedVehicle.preset("warthog"))
     teacher = {"backend": "exact", "cells": [4, 2], "soft_speed": 0.0}
     folder = export_c(replace(surrogate, recipe={"teacher": teacher}), tmp_path / "warthog")
-    compiled([str(GCC), "-std=c99", "-O1", *WARNINGS, "selftest.c", "grouser_warthog_soil.c", "-lm", "-o", "selftest"],
+    compiled([str(GCC), "-std=c99", *WARNINGS, "selftest.c", "grouser_warthog_soil.c", "-lm", "-o", "selftest"],
              folder)  # fmt: skip
     compiled([folder / "selftest"], folder)
     soft = export_c(surrogate, tmp_path / "soft") / "grouser_warthog_soil.c"
