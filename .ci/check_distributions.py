@@ -13,13 +13,18 @@ WHEEL_REQUIRED = (
     r"grouser/native/_core\.abi3\.so",
     r"grouser/native/_core\.pyi",
     r"grouser/native/include/grouser/physics\.h",
+    r"grouser/native/src/physics\.c",
+    r"grouser/surrogate/export/templates/api\.c",
     r"grouser/terrain/data/vehicles\.toml",
     r"grouser/terrain/data/terrains\.toml",
     r"grouser/surrogate/artifacts/m113-rigid\.safetensors",
     r"grouser/surrogate/artifacts/m113-soil\.safetensors",
     r"grouser/cli/__init__\.py",
 )
-WHEEL_ALLOWED = r"grouser/(.*\.(py|pyi|typed|toml|safetensors|h|so|pyd))|grouser-[^/]+\.dist-info/.*"
+WHEEL_ALLOWED = (
+    r"grouser/(.*\.(py|pyi|typed|toml|safetensors|h|so|pyd))|grouser/native/src/(?!module)\w+\.[ch]"
+    r"|grouser/surrogate/export/templates/\w+\.(c|h|cpp|txt|md)|grouser-[^/]+\.dist-info/.*"
+)
 SOURCE_REQUIRED = (
     r"pyproject\.toml",
     r"README\.md",
@@ -31,7 +36,7 @@ SOURCE_REQUIRED = (
     r"surrogate/artifacts/m113-rigid\.safetensors",
 )
 SOURCE_ALLOWED = (
-    r"(envs|terrain|surrogate|controllers|native|cli|tests|docs|examples)/.*\.(py|pyi|toml|safetensors|c|h|txt|md|json)"
+    r"(envs|terrain|surrogate|controllers|native|cli|tests|docs|examples)/.*\.(py|pyi|toml|safetensors|c|cpp|h|txt|md|json)"
     r"|(pyproject\.toml|constraints\.txt|Makefile|LICENSE|PKG-INFO|(README|CHANGELOG|CONTRIBUTING)\.md)"
 )
 MAXIMUM_BYTES = 2_000_000

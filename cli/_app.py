@@ -19,6 +19,7 @@ from .demo import demo
 from .doctor import doctor
 from .drive import drive
 from .evaluate import evaluate
+from .export import export
 from .ingest import ingest
 from .list import listing
 from .rl import rl
@@ -112,6 +113,7 @@ _VERBS: Final[tuple[tuple[Callable[..., None], str], ...]] = (
 )
 for verb, example in _VERBS:
     app.command(epilog=f"Example: {example}")(verb)
+app.add_typer(export, name="export")
 app.add_typer(rl, name="rl")
 app.add_typer(listing, name="list")
 app.command(epilog="Example: grouser doctor")(doctor)

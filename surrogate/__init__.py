@@ -5,6 +5,7 @@ from .backends import NativeSurrogate, TorchSurrogate
 from .card import model_card
 from .conformal import conformal_threshold, run_scores
 from .detector import BoxMahalanobisDetector
+from .export import export_c
 from .guarded import GuardedSurrogate
 from .network import (
     ACTIVATIONS,
@@ -35,6 +36,7 @@ __all__ = [
     "TorchSurrogate",
     "casadi_network",
     "conformal_threshold",
+    "export_c",
     "model_card",
     "random_network",
     "run_scores",

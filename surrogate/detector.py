@@ -105,6 +105,16 @@ class BoxMahalanobisDetector:
         object.__setattr__(self, "_bounds", np.stack([self.low - slack, self.high + slack], axis=1).tolist())
         object.__setattr__(self, "_names", table.names)
 
+    @property
+    def reach(self) -> FloatArray:
+        """Half the width of each column's box, over which an excess counts; shape (d,)."""
+        return self._reach
+
+    @property
+    def slack(self) -> FloatArray:
+        """By how much each column may pass its box; shape (d,)."""
+        return self._slack
+
     @classmethod
     def fit(
         cls,

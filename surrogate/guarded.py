@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, ClassVar, Final, Literal
 
@@ -69,7 +68,7 @@ class GuardedSurrogate(GuardedBackend):
         surrogate = Surrogate.resolve(vehicle, mode, artifact)
         super().__init__(
             _PRIMARIES[primary](vehicle, mode, surrogate),
-            _fallback(vehicle, mode, surrogate.recipe.get("teacher", {}), fallback),
+            fallback_of(surrogate, vehicle, **fallback),
             surrogate.detector,
             policy,
         )
@@ -101,8 +100,18 @@ class _CompiledGate(CompiledBackend):
     name: ClassVar[str] = "guarded"
 
 
-def _fallback(
-    vehicle: TrackedVehicle, mode: Mode, teacher: Mapping[str, Any], options: Mapping[str, Any]
-) -> ForceBackend:
+def fallback_of(surrogate: Surrogate, vehicle: TrackedVehicle, **options: Any) -> ForceBackend:
+    """Return what a surrogate falls back on: its teacher, physics unless it was taught by another block.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        The surrogate.
+    vehicle : TrackedVehicle
+        One of its block.
+    **options
+        Of the fallback, over the teacher's.
+    """
+    teacher = surrogate.recipe.get("teacher", {})
     name = teacher.get("backend", "physics")
-    return make_backend(name, mode=mode, vehicle=vehicle, **physics_options(teacher) | dict(options))
+    return make_backend(name, mode=surrogate.mode, vehicle=vehicle, **physics_options(teacher) | options)

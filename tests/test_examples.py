@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-PAGES = (ROOT / "README.md", ROOT / "docs" / "physics.md", ROOT / "docs" / "environments.md")
+PAGES = tuple(ROOT / page for page in ("README.md", "docs/physics.md", "docs/environments.md", "docs/export.md"))
 BLOCKS = {
     f"{page.stem}-{index}": block
     for page in PAGES

@@ -18,7 +18,9 @@ typedef struct {
 static station station_at(const grouser_element_motion *m, double offset) {
   const double ahead = offset + m->reach;
   const double travelled = m->half_travel - m->direction * ahead;
-  station at = {.time = travelled / m->soft_belt};
+  station at;
+  at.time = travelled / m->soft_belt;
+  at.time_by_yaw_rate = 0;
   at.time_by_belt = -(m->direction_slope * ahead + at.time * m->direction) / m->soft_belt;
   /* A chord shrinks again beyond half a turn, the shear does not: the path counts back to half a turn at most. */
   if (fabs(m->yaw_rate) * at.time > PI) {
@@ -43,7 +45,9 @@ typedef struct {
 } shear;
 
 static shear shear_at(const grouser_element_motion *m, const station *at, double x, double y) {
-  shear j = {.a = m->vx - m->yaw_rate * y - m->belt, .b = m->vy + m->yaw_rate * x};
+  shear j;
+  j.a = m->vx - m->yaw_rate * y - m->belt;
+  j.b = m->vy + m->yaw_rate * x;
   j.x = at->time * (at->s * j.a + at->c * j.b + m->belt * (at->s - at->cosine));
   j.y = at->time * (at->s * j.b - at->c * j.a + m->belt * (at->sine - at->c));
   j.sliding = sqrt(j.a * j.a + j.b * j.b);

@@ -64,7 +64,7 @@ void grouser_kernel_forces(const grouser_kernel *kernel, const double *left, con
   }
 }
 
-static int finite(double forces[GROUSER_OUTPUTS], double slopes[GROUSER_OUTPUTS][3]) {
+static int all_finite(double forces[GROUSER_OUTPUTS], double slopes[GROUSER_OUTPUTS][3]) {
   for (int n = 0; n < GROUSER_OUTPUTS; n++)
     if (!(isfinite(forces[n]) && isfinite(slopes[n][0]) && isfinite(slopes[n][1]) && isfinite(slopes[n][2]))) return 0;
   return 1;
@@ -79,7 +79,7 @@ void grouser_blend_forces(grouser_blend *blend, const double *left, const double
   }
   if (w < 1.0) {
     grouser_kernel_forces(blend->primary, left, right, forces, slopes);
-    if (!finite(forces, slopes))
+    if (!all_finite(forces, slopes))
       blend->primary_failed = 1;
     else if (w <= 0.0)
       return;

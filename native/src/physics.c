@@ -37,13 +37,14 @@ static void integrate_track(const grouser_physics *block, const double *row, dou
   const double soft_square = block->soft_speed * block->soft_speed;
   const int continuous = block->contact == GROUSER_CONTINUOUS;
   const int exact = block->path == GROUSER_EXACT_PATH;
-  grouser_element_motion m = {.vx = row[GROUSER_VX],
-                              .vy = row[GROUSER_VY],
-                              .yaw_rate = row[GROUSER_YAW_RATE],
-                              .belt = belt,
-                              .half_travel = (continuous ? block->contact_length : block->element_length) / 2,
-                              .soft_belt = sqrt(belt * belt + soft_square),
-                              .modulus = row[grouser_columns(block->mode) - 1]};
+  grouser_element_motion m;
+  m.vx = row[GROUSER_VX];
+  m.vy = row[GROUSER_VY];
+  m.yaw_rate = row[GROUSER_YAW_RATE];
+  m.belt = belt;
+  m.half_travel = (continuous ? block->contact_length : block->element_length) / 2;
+  m.soft_belt = sqrt(belt * belt + soft_square);
+  m.modulus = row[grouser_columns(block->mode) - 1];
   m.direction = belt / m.soft_belt;
   m.direction_slope = soft_square / (m.soft_belt * m.soft_belt * m.soft_belt);
   memset(sums, 0, sizeof *sums * (size_t)block->wheels);
@@ -92,7 +93,7 @@ void grouser_physics_track(const grouser_physics *block, const double *x, enum g
   force[1] = 0;
   force[2] = -lever * resistance;
   if (jacobian) {
-    memset(jacobian, 0, sizeof(double) * GROUSER_OUTPUTS * columns);
+    memset(jacobian, 0, sizeof(double) * GROUSER_OUTPUTS * (size_t)columns);
     const double by[3] = {-rolling * load_by_ay * direction,
                           -rolling * track_load * soft_square / (soft_belt * soft_belt * soft_belt),
                           -track_load * direction};

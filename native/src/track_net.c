@@ -256,7 +256,7 @@ GROUSER_INLINE void evaluate_sides(const grouser_track_net *net, const double *x
 }
 
 /* Both sides are of one row, so that what does not know them apart is computed once. */
-static void evaluate(const grouser_track_net *net, const double *x, const enum grouser_side side[SIDES], int sides,
+static void evaluate_either(const grouser_track_net *net, const double *x, const enum grouser_side side[SIDES], int sides,
                      double force[SIDES][GROUSER_OUTPUTS], double *const jacobian[SIDES]) {
   if (jacobian[0])
     evaluate_sides(net, x, side, sides, 1, force, jacobian);
@@ -278,7 +278,7 @@ void grouser_track_net_track(const grouser_track_net *net, const double *x, enum
   const enum grouser_side sides[SIDES] = {side, side};
   double *const jacobians[SIDES] = {jacobian, NULL};
   double forces[SIDES][GROUSER_OUTPUTS];
-  evaluate(net, x, sides, 1, forces, jacobians);
+  evaluate_either(net, x, sides, 1, forces, jacobians);
   memcpy(force, forces[0], sizeof forces[0]);
 }
 
@@ -288,7 +288,7 @@ void grouser_track_net_forces(const grouser_track_net *net, const double *x, dou
   const enum grouser_side sides[SIDES] = {GROUSER_LEFT, GROUSER_RIGHT};
   double right_jacobian[GROUSER_OUTPUTS * GROUSER_MAX_COLUMNS], forces[SIDES][GROUSER_OUTPUTS];
   double *const jacobians[SIDES] = {jacobian, jacobian ? right_jacobian : NULL};
-  evaluate(net, x, sides, SIDES, forces, jacobians);
+  evaluate_either(net, x, sides, SIDES, forces, jacobians);
   for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = forces[0][n] + forces[1][n];
   if (jacobian)
     for (int n = 0; n < entries; n++) jacobian[n] += right_jacobian[n];
