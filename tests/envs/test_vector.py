@@ -39,7 +39,7 @@ LEFT_OUT = {f"{mask}{name}" for mask in ("", "_") for name in ("track_forces", "
 class Checkered:
     """A ground that only Python knows."""
 
-    mode = "rigid"
+    mode: Mode = "rigid"
 
     def parameters_at(self, x: float, y: float) -> NDArray[np.float64]:
         return named("asphalt" if round(x + y) % 2 else "ice").parameters
