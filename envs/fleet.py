@@ -333,7 +333,7 @@ class VehicleFleet:
 
 def _grounds(ground: Any, count: int) -> list[Ground]:
     """Return one ground for each vehicle."""
-    if isinstance(ground, str | os.PathLike) or hasattr(ground, "mode"):
+    if isinstance(ground, str | os.PathLike) or not isinstance(ground, Iterable):
         return [resolve_ground(ground)] * count
     grounds = [resolve_ground(each) for each in ground]
     if len(grounds) != count:

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..native import Detector as CompiledDetector
 from ..terrain import (
     MOTION_SIZE,
     Detection,
@@ -251,6 +252,17 @@ class BoxMahalanobisDetector:
             # In this order max passes over a distance that overflowed to NaN.
             score = max(1.0 + float(excess[worst]), float(self.distance(row)) / self.threshold)
         return Detection(score, "box", self._names[worst])
+
+    def compiled(self) -> CompiledDetector:
+        """Return the compiled detector, which scores a row alike."""
+        return CompiledDetector(
+            columns=len(self._names),
+            low=self.low,
+            high=self.high,
+            center=self.center,
+            whitening=self.whitening,
+            threshold=self.threshold,
+        )
 
     def summary(self) -> dict[str, Any]:
         """Return threshold and calibration, as JSON can hold them; the arrays are the artifact's tensors."""

@@ -6,10 +6,14 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, ClassVar, Final, Literal
 
+from ..native import Gated
 from ..terrain import (
+    CompiledBackend,
+    FloatArray,
     ForceBackend,
     GuardedBackend,
     Mode,
+    PhysicsBackend,
     SwitchingPolicy,
     TrackedVehicle,
     make_backend,
@@ -70,10 +74,31 @@ class GuardedSurrogate(GuardedBackend):
             policy,
         )
         self.surrogate: Final = surrogate
+        self._compiled = self._compile()
+
+    def _compile(self) -> CompiledBackend | None:
+        """Return primary, detector and fallback as one compiled function, where all of them are."""
+        primary, fallback = self.primary, self.fallback
+        if not isinstance(primary, NativeSurrogate) or not isinstance(fallback, PhysicsBackend):
+            return None
+        gated = Gated(primary=primary.kernel, fallback=fallback.kernel, detector=self.surrogate.detector.compiled())
+        return _CompiledGate(self.vehicle, self.mode, gated, domain="k must be positive")
+
+    def forces(self, x: FloatArray) -> FloatArray:
+        """Return [Qx, Qy, Mz], shape (3,) or (n, 3); see :meth:`GuardedBackend.forces`."""
+        return super().forces(x) if self._compiled is None else self._compiled.forces(x)
+
+    def forces_and_jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return forces and ∂Q/∂x; see :meth:`GuardedBackend.forces_and_jacobian`."""
+        return super().forces_and_jacobian(x) if self._compiled is None else self._compiled.forces_and_jacobian(x)
 
     def describe(self) -> dict[str, Any]:
         """Return the guard's parts, the detector's calibration and the switching policy."""
         return super().describe() | {"detector": self.surrogate.detector.summary(), "policy": asdict(self.policy)}
+
+
+class _CompiledGate(CompiledBackend):
+    name: ClassVar[str] = "guarded"
 
 
 def _fallback(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -33,11 +34,18 @@ def block_geometry(vehicle: TrackedVehicle) -> dict[str, Any]:
 class Kernel(Protocol):
     """A compiled force function that writes into its caller's arrays and raises ValueError on what it cannot take."""
 
+    @property
+    def kernel(self) -> object:
+        """The function as a capsule, for other compiled code."""
+
     def forces(self, x: FloatArray, forces: FloatArray, /) -> None:
         """Write [Qx, Qy, Mz] of every row."""
 
     def forces_and_jacobian(self, x: FloatArray, forces: FloatArray, jacobian: FloatArray, /) -> None:
         """Write the forces and ∂Q/∂x of every row."""
+
+    def bind(self, x: FloatArray, forces: FloatArray, jacobian: FloatArray = ..., /) -> Callable[[], None]:
+        """Return a function that evaluates the rows held in the arrays."""
 
 
 class TrackKernel(Protocol):
@@ -108,6 +116,48 @@ class CompiledBackend(ForceBackend):
         except ValueError as error:
             raise self._refusal(x, error) from error
         return out, jacobian
+
+    def bind(self, x: FloatArray, forces: FloatArray, jacobian: FloatArray | None = None) -> Callable[[], None]:
+        """Return ``step``: each call evaluates the rows that ``x`` then holds and writes into the other arrays.
+
+        The arrays are looked at once, here, and held as long as ``step``: a call costs little more than the kernel. It
+        allocates nothing and may run in several threads, each on arrays of its own.
+
+        Parameters
+        ----------
+        x : ndarray, shape (d,) or (n, d)
+            Interface rows: float64, C-contiguous, aligned.
+        forces : ndarray, shape (3,) or (n, 3)
+            Gets [Qx, Qy, Mz]; float64, C-contiguous, writable.
+        jacobian : ndarray, shape (3, d) or (n, 3, d), optional
+            Gets ∂Q/∂x.
+
+        Returns
+        -------
+        callable
+            Raises ValueError on a row that the kernel cannot take, and writes nothing then.
+
+        Raises
+        ------
+        InvalidInputError
+            If an array is of another kind or size, or two share memory.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from grouser.terrain import make_backend
+        >>> backend = make_backend("physics", mode="rigid", vehicle="m113")
+        >>> x, forces = np.array([3.0, 0, 0, 0, 0, 3.0, 3.0, 0.7, 0.04, 0.05]), np.empty(3)
+        >>> step = backend.bind(x, forces)
+        >>> x[5:7] = 3.2
+        >>> step()
+        >>> bool(forces[0] > 0)
+        True
+        """
+        try:
+            return self._kernel.bind(x, forces) if jacobian is None else self._kernel.bind(x, forces, jacobian)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(str(error)) from error
 
     def track_forces(self, x_left: FloatArray, x_right: FloatArray) -> FloatArray:
         """Return [Fx, Fy, M] of each track, shape (n, 2, 3); see :meth:`ForceBackend.track_forces`."""

@@ -13,7 +13,8 @@ void grouser_level_row(const double *row, int columns, const grouser_footing *fo
   if (columns == grouser_columns(GROUSER_SOIL)) level[GROUSER_TERRAIN] /= ratio;
 }
 
-/* Forces under the load m g_z: r times those of the level row. The slopes by the body scale alike. */
+/* Forces under the load m g_z: r times those of the level row. The slopes by the body scale alike; they may be NULL as
+ * for grouser_blend_forces. */
 static void evaluate(grouser_dynamics *dynamics, const double *row, double force[GROUSER_OUTPUTS],
                      double slope[GROUSER_OUTPUTS][3]) {
   const grouser_footing *footing = dynamics->footing;
@@ -24,7 +25,7 @@ static void evaluate(grouser_dynamics *dynamics, const double *row, double force
   grouser_blend_forces(&dynamics->blend, left, footing->split ? right : NULL, force, slope);
   for (int n = 0; n < GROUSER_OUTPUTS; n++) {
     force[n] *= footing->load_ratio;
-    for (int q = 0; q < 3; q++) slope[n][q] *= footing->load_ratio;
+    for (int q = 0; slope && q < 3; q++) slope[n][q] *= footing->load_ratio;
   }
 }
 
@@ -147,7 +148,7 @@ void grouser_explicit_step(grouser_dynamics *dynamics, const double *row, double
   const size_t size = sizeof(double) * (size_t)dynamics->blend.primary->columns;
   memset(out->row, 0, sizeof out->row);
   memcpy(out->row, row, size);
-  evaluate(dynamics, row, out->force, slope);
+  evaluate(dynamics, row, out->force, dynamics->blend.fallback ? slope : NULL);
   out->body = grouser_along(body_of(row), step, rates_of(dynamics, body_of(row), out->force));
   out->iterations = 0;
   out->divisions = 1;

@@ -9,45 +9,53 @@
 enum { SUMS = GROUSER_FLOATS == 16 ? 16 : 8 };
 
 /* One input at a time against a row of outputs, even and odd inputs in sums of their own: half the wait for each
- * other, and the same additions at every number of vectors. */
+ * other, and the same additions at every number of vectors. `rows` inputs, GROUSER_MAX_WIDTH apart, share the weights. */
 GROUSER_INLINE void affine_vectors(const float *weights, size_t stride, const float *bias, const float *in, int inputs,
-                                   float *out, const int vectors) {
+                                   float *out, const int rows, const int vectors) {
   grouser_lanes even[SUMS / 2], odd[SUMS / 2];
   GROUSER_UNROLL
-  for (int v = 0; v < vectors; v++) {
-    even[v] = lanes_load(bias + v * GROUSER_FLOATS);
-    odd[v] = lanes_of(0.0f);
+  for (int s = 0; s < rows * vectors; s++) {
+    even[s] = lanes_load(bias + s % vectors * GROUSER_FLOATS);
+    odd[s] = lanes_of(0.0f);
   }
   int i = 0;
   for (; i + 1 < inputs; i += 2) {
     const float *row = weights + (size_t)i * stride;
-    const grouser_lanes first = lanes_of(in[i]), second = lanes_of(in[i + 1]);
     GROUSER_UNROLL
-    for (int v = 0; v < vectors; v++) even[v] = lanes_fma(first, lanes_load(row + v * GROUSER_FLOATS), even[v]);
-    GROUSER_UNROLL
-    for (int v = 0; v < vectors; v++) odd[v] = lanes_fma(second, lanes_load(row + stride + v * GROUSER_FLOATS), odd[v]);
+    for (int v = 0; v < vectors; v++) {
+      const grouser_lanes first = lanes_load(row + v * GROUSER_FLOATS);
+      const grouser_lanes second = lanes_load(row + stride + v * GROUSER_FLOATS);
+      GROUSER_UNROLL
+      for (int r = 0; r < rows; r++) {
+        const float *value = in + r * GROUSER_MAX_WIDTH + i;
+        even[r * vectors + v] = lanes_fma(lanes_of(value[0]), first, even[r * vectors + v]);
+        odd[r * vectors + v] = lanes_fma(lanes_of(value[1]), second, odd[r * vectors + v]);
+      }
+    }
   }
-  if (i < inputs) {
-    const grouser_lanes last = lanes_of(in[i]);
-    const float *row = weights + (size_t)i * stride;
+  if (i < inputs)
     GROUSER_UNROLL
-    for (int v = 0; v < vectors; v++) even[v] = lanes_fma(last, lanes_load(row + v * GROUSER_FLOATS), even[v]);
-  }
+    for (int s = 0; s < rows * vectors; s++)
+      even[s] = lanes_fma(lanes_of(in[s / vectors * GROUSER_MAX_WIDTH + i]),
+                          lanes_load(weights + (size_t)i * stride + s % vectors * GROUSER_FLOATS), even[s]);
   GROUSER_UNROLL
-  for (int v = 0; v < vectors; v++) lanes_store(out + v * GROUSER_FLOATS, even[v] + odd[v]);
+  for (int s = 0; s < rows * vectors; s++)
+    lanes_store(out + s / vectors * GROUSER_MAX_WIDTH + s % vectors * GROUSER_FLOATS, even[s] + odd[s]);
 }
 
-static void affine(const float *weights, const float *bias, const float *in, int inputs, float *out, int outputs) {
-  const int stride = grouser_padded(outputs);
+GROUSER_INLINE void affine_rows(const float *weights, const float *bias, const float *in, int inputs, float *out,
+                                int outputs, const int rows) {
+  enum { MOST = SUMS / 2 };
+  const int stride = grouser_padded(outputs), most = MOST / rows;
   int done = 0;
-  for (; done + SUMS / 2 * GROUSER_FLOATS <= stride; done += SUMS / 2 * GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, SUMS / 2);
-  for (; done + 4 * GROUSER_FLOATS <= stride; done += 4 * GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, 4);
-  for (; done + 2 * GROUSER_FLOATS <= stride; done += 2 * GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, 2);
+  for (; done + most * GROUSER_FLOATS <= stride; done += most * GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, most);
+  for (; done + 4 * GROUSER_FLOATS <= stride && most > 4; done += 4 * GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, most > 4 ? 4 : 1);
+  for (; done + 2 * GROUSER_FLOATS <= stride && most > 2; done += 2 * GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, most > 2 ? 2 : 1);
   for (; done < stride; done += GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, 1);
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, 1);
 }
 
 /* The activation of z, and its derivative. A NaN stays one. */
@@ -67,36 +75,53 @@ GROUSER_INLINE grouser_lanes activated(enum grouser_activation kind, grouser_lan
   return t;
 }
 
-GROUSER_INLINE void activate_as(const enum grouser_activation kind, float *value, float *slope, int count) {
-  grouser_lanes by;
+/* Overwrites z by its activations, in one row or two that do not wait for each other; slopes may be NULL. */
+GROUSER_INLINE void activate_as(const enum grouser_activation kind, float *value, float *first, float *second, int count,
+                                const int rows) {
+  grouser_lanes by[2];
   for (int n = 0; n < count; n += GROUSER_FLOATS) {
-    lanes_store(value + n, activated(kind, lanes_load(value + n), &by));
-    if (slope) lanes_store(slope + n, by);
+    GROUSER_UNROLL
+    for (int r = 0; r < rows; r++) {
+      float *at = value + r * GROUSER_MAX_WIDTH + n;
+      lanes_store(at, activated(kind, lanes_load(at), &by[r]));
+    }
+    if (first) lanes_store(first + n, by[0]);
+    if (rows > 1 && second) lanes_store(second + n, by[1]);
   }
 }
 
-/* Overwrites z by its activations; `slope` may be NULL. */
-static void activate(enum grouser_activation kind, float *value, float *slope, int count) {
+GROUSER_INLINE void activate_rows(enum grouser_activation kind, float *value, float *first, float *second, int count,
+                                  const int rows) {
   if (kind == GROUSER_RELU)
-    activate_as(GROUSER_RELU, value, slope, count);
+    activate_as(GROUSER_RELU, value, first, second, count, rows);
   else if (kind == GROUSER_SILU)
-    activate_as(GROUSER_SILU, value, slope, count);
+    activate_as(GROUSER_SILU, value, first, second, count, rows);
   else
-    activate_as(GROUSER_TANH, value, slope, count);
+    activate_as(GROUSER_TANH, value, first, second, count, rows);
 }
 
-void grouser_dense_forward(const grouser_dense *net, const float *inputs, float *outputs, grouser_slopes slopes) {
-  float buffer[2][GROUSER_MAX_WIDTH];
+GROUSER_INLINE void forward_rows(const grouser_dense *net, const float *inputs, float *outputs,
+                                 grouser_slopes *const slopes, const int rows) {
+  float buffer[2][2 * GROUSER_MAX_WIDTH];
   const float *value = inputs;
   const int last = net->layers - 1;
   for (int layer = 0; layer < last; layer++) {
     const int width = net->widths[layer + 1];
     float *next = buffer[layer % 2];
-    affine(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width);
-    activate(net->activation, next, slopes ? slopes[layer] : NULL, grouser_padded(width));
+    affine_rows(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, rows);
+    activate_rows(net->activation, next, slopes ? slopes[0][layer] : NULL, slopes && rows > 1 ? slopes[1][layer] : NULL,
+                  grouser_padded(width), rows);
     value = next;
   }
-  affine(net->weights[last], net->biases[last], value, net->widths[last], outputs, net->widths[net->layers]);
+  affine_rows(net->weights[last], net->biases[last], value, net->widths[last], outputs, net->widths[net->layers], rows);
+}
+
+void grouser_dense_forward(const grouser_dense *net, const float *inputs, float *outputs, grouser_slopes *slopes) {
+  forward_rows(net, inputs, outputs, slopes, 1);
+}
+
+void grouser_dense_forward_pair(const grouser_dense *net, const float *inputs, float *outputs, grouser_slopes *slopes) {
+  forward_rows(net, inputs, outputs, slopes, 2);
 }
 
 /* The seeds share every load of a weight. */
@@ -210,7 +235,7 @@ void grouser_dense_batch(const grouser_dense *net, const float *in, int count, f
     else
       affine_columns(net->weights[layer], net->biases[layer], value, inputs, next, outputs, count, count,
                      SUMS / 2, 1);
-    if (layer < last) activate(net->activation, next, NULL, outputs * count);
+    if (layer < last) activate_rows(net->activation, next, NULL, NULL, outputs * count, 1);
     value = next;
   }
 }

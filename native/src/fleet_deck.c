@@ -46,7 +46,7 @@ void grouser_deck_enter(grouser_deck *deck, int lane, const grouser_tick_start *
 }
 
 /* The forces of one lane after another, where the kernel has no block. */
-static void evaluate_lanes(grouser_deck *deck, int split) {
+static void evaluate_lanes(grouser_deck *deck, int split, int want_slopes) {
   const grouser_kernel *kernel = deck->kernel;
   for (int l = 0; l < GROUSER_BLOCK; l++) {
     if (!deck->active[l]) continue;
@@ -56,10 +56,10 @@ static void evaluate_lanes(grouser_deck *deck, int split) {
       left[n] = deck->left.column[n][l];
       right[n] = deck->right.column[n][l];
     }
-    grouser_kernel_forces(kernel, left, split ? right : NULL, force, slope);
+    grouser_kernel_forces(kernel, left, split ? right : NULL, force, want_slopes ? slope : NULL);
     for (int n = 0; n < GROUSER_OUTPUTS; n++) {
       deck->forces.force[n][l] = force[n];
-      for (int q = 0; q < 3; q++) deck->forces.slope[n][q][l] = slope[n][q];
+      for (int q = 0; want_slopes && q < 3; q++) deck->forces.slope[n][q][l] = slope[n][q];
     }
   }
 }
@@ -91,13 +91,16 @@ static void newton_step(grouser_deck *deck, const grouser_vehicle *vehicle, doub
   }
 }
 
+/* An explicit step goes without, save that a primary whose slopes are not finite has failed. */
+static int wants_slopes(const grouser_plant *plant) { return plant->integrator != GROUSER_EULER || plant->guard; }
+
 void grouser_deck_evaluate(grouser_deck *deck, const grouser_plant *plant) {
   const grouser_kernel *kernel = deck->kernel;
-  const int split = plant->sampling.tracks;
+  const int split = plant->sampling.tracks, want_slopes = wants_slopes(plant);
   if (kernel->evaluate_block)
-    kernel->evaluate_block(kernel->self, &deck->left, split ? &deck->right : &deck->left, 1, &deck->forces);
+    kernel->evaluate_block(kernel->self, &deck->left, split ? &deck->right : &deck->left, want_slopes, &deck->forces);
   else
-    evaluate_lanes(deck, split);
+    evaluate_lanes(deck, split, want_slopes);
   newton_step(deck, &plant->vehicle,
               plant->integrator == GROUSER_SDIRK2 ? GROUSER_SDIRK_GAMMA * plant->step : plant->step);
 }
@@ -122,7 +125,7 @@ static grouser_body rates_in(const grouser_deck *deck, const grouser_vehicle *ve
 enum grouser_progress grouser_deck_proceed(grouser_deck *deck, const grouser_plant *plant, int l,
                                            const grouser_tick_start *start, grouser_body_step *solution) {
   const double size = deck->size[l];
-  const int sound = isfinite(size) && isfinite(deck->spoilt[l]);
+  const int sound = isfinite(size) && (!wants_slopes(plant) || isfinite(deck->spoilt[l]));
   deck->active[l] = 0;
   if (!sound) return GROUSER_STUCK;
   if (plant->integrator == GROUSER_EULER) {

@@ -42,23 +42,25 @@ grouser_guard_state grouser_guard_advance(const grouser_switching_policy *policy
 void grouser_kernel_forces(const grouser_kernel *kernel, const double *left, const double *right,
                            double forces[GROUSER_OUTPUTS], double slopes[GROUSER_OUTPUTS][3]) {
   const int columns = kernel->columns;
-  double jacobian[GROUSER_OUTPUTS * GROUSER_MAX_COLUMNS];
+  double jacobian[GROUSER_OUTPUTS * GROUSER_MAX_COLUMNS], other_jacobian[GROUSER_OUTPUTS * GROUSER_MAX_COLUMNS];
+  double other[GROUSER_OUTPUTS];
   if (kernel->refuses(kernel->self, left) || (right && kernel->refuses(kernel->self, right))) {
-    for (int n = 0; n < GROUSER_OUTPUTS; n++) forces[n] = slopes[n][0] = slopes[n][1] = slopes[n][2] = NAN;
+    for (int n = 0; n < GROUSER_OUTPUTS; n++) {
+      forces[n] = NAN;
+      for (int q = 0; slopes && q < 3; q++) slopes[n][q] = NAN;
+    }
     return;
   }
-  if (!right) {
-    kernel->evaluate(kernel->self, left, forces, jacobian);
-    for (int n = 0; n < GROUSER_OUTPUTS; n++)
-      for (int q = 0; q < 3; q++) slopes[n][q] = jacobian[n * columns + q];
-    return;
+  if (right) {
+    kernel->evaluate_track(kernel->self, left, 0, forces, slopes ? jacobian : NULL);
+    kernel->evaluate_track(kernel->self, right, 1, other, slopes ? other_jacobian : NULL);
+  } else {
+    kernel->evaluate(kernel->self, left, forces, slopes ? jacobian : NULL);
   }
-  double other[GROUSER_OUTPUTS], other_jacobian[GROUSER_OUTPUTS * GROUSER_MAX_COLUMNS];
-  kernel->evaluate_track(kernel->self, left, 0, forces, jacobian);
-  kernel->evaluate_track(kernel->self, right, 1, other, other_jacobian);
   for (int n = 0; n < GROUSER_OUTPUTS; n++) {
-    forces[n] += other[n];
-    for (int q = 0; q < 3; q++) slopes[n][q] = jacobian[n * columns + q] + other_jacobian[n * columns + q];
+    if (right) forces[n] += other[n];
+    for (int q = 0; slopes && q < 3; q++)
+      slopes[n][q] = jacobian[n * columns + q] + (right ? other_jacobian[n * columns + q] : 0.0);
   }
 }
 

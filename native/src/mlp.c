@@ -11,7 +11,7 @@ void grouser_mlp_forces(const grouser_mlp *net, const double *x, double force[GR
   grouser_slopes slopes;
   const int inputs = net->dense.widths[0];
   for (int i = 0; i < inputs; i++) value[i] = (float)((x[i] - net->input_mean[i]) * net->input_gain[i]);
-  grouser_dense_forward(&net->dense, value, result, jacobian ? slopes : NULL);
+  grouser_dense_forward(&net->dense, value, result, jacobian ? &slopes : NULL);
   for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = net->output_mean[n] + net->output_scale[n] * (double)result[n];
   if (!jacobian) return;
 

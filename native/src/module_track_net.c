@@ -54,8 +54,8 @@ static PyObject *track_net_new(PyTypeObject *type, PyObject *arguments, PyObject
     goto refused;
   for (int j = 0; j < GROUSER_POINTS; j++)
     for (int i = 0; i < b->wheels; i++) {
-      net.mean[j][i] = places[0][j * b->wheels + i];
-      net.moment[j][i] = places[1][j * b->wheels + i];
+      net.mean[i][j] = places[0][j * b->wheels + i];
+      net.moment[i][j] = places[1][j * b->wheels + i];
     }
   allocfunc allocate = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
   track_net_object *self = (track_net_object *)allocate(type, 0);

@@ -29,27 +29,25 @@ static grouser_part part_of(const grouser_track_net *net, int point) {
 typedef struct {
   double load, load_by_ay, rolling;
   const double *share, *share_by_ax; /* by element */
-  grouser_strength strength[GROUSER_MAX_WHEELS]; /* in N */
+  double stress[GROUSER_MAX_WHEELS]; /* in N */
+  grouser_strength strength[GROUSER_MAX_WHEELS];
   double force[GROUSER_POINTS], moment[GROUSER_POINTS];
 } track_load;
 
-static void load_track(const grouser_track_net *net, const double *x, enum grouser_side side, double tangent,
-                       track_load *t) {
+GROUSER_INLINE void load_track(const grouser_track_net *net, const double *x, enum grouser_side side, double tangent,
+                               const int want_slopes, track_load *t) {
   const grouser_physics *block = &net->block;
   const double area = block->element_length * block->track_width;
   t->rolling = x[grouser_columns(block->mode) - 2];
   t->load = grouser_side_load(block, x[GROUSER_AY], side, &t->load_by_ay);
+  for (int j = 0; j < GROUSER_POINTS; j++) t->force[j] = t->moment[j] = 0;
   for (int i = 0; i < block->wheels; i++) {
-    t->strength[i] = grouser_shear_strength(block, x + GROUSER_TERRAIN, tangent, t->load * t->share[i]);
-    t->strength[i].stress *= area;
-  }
-  for (int j = 0; j < GROUSER_POINTS; j++) {
-    t->force[j] = t->moment[j] = 0;
-    for (int i = 0; i < block->wheels; i++) {
-      const double mean = net->mean[j][i];
-      t->force[j] += t->strength[i].stress * mean;
-      t->moment[j] +=
-          t->strength[i].stress * (net->arm[i] * mean + block->element_length / 2 * net->moment[j][i]);
+    const grouser_strength s = grouser_shear_strength(block, x + GROUSER_TERRAIN, tangent, t->load * t->share[i]);
+    t->stress[i] = s.stress * area;
+    if (want_slopes) t->strength[i] = s;
+    for (int j = 0; j < GROUSER_POINTS; j++) {
+      t->force[j] += t->stress[i] * net->mean[i][j];
+      t->moment[j] += t->stress[i] * net->turning[i][j];
     }
   }
 }
@@ -124,14 +122,8 @@ static double lever(const grouser_track_net *net, int component, int unit) {
   return kind == 1 ? net->arm[element] : block->element_length / 2;
 }
 
-typedef struct {
-  double correction[GROUSER_MAX_UNITS];
-  grouser_slopes slopes;
-} track_correction;
-
-static void correct_track(const grouser_track_net *net, const track_shear *shear, int k, track_correction *c,
-                          int want_slopes) {
-  float input[GROUSER_FEATURES], output[GROUSER_MAX_WIDTH];
+/* The network's inputs of one track. */
+static void read_features(const grouser_track_net *net, const track_shear *shear, int k, float *input) {
   double feature[GROUSER_FEATURES];
   for (int j = 0; j < GROUSER_POINTS; j++) {
     feature[j] = shear->x[k * GROUSER_POINTS + j];
@@ -139,24 +131,25 @@ static void correct_track(const grouser_track_net *net, const track_shear *shear
   }
   feature[GROUSER_SHEAR] = shear->gate[k].z / (shear->gate[k].z + 4);
   feature[GROUSER_SHEAR + 1] = shear->slip[k].direction;
-  for (int f = 0; f < GROUSER_FEATURES; f++)
-    input[f] = (float)((feature[f] - net->input_mean[f]) * net->input_gain[f]);
-  grouser_dense_forward(&net->dense, input, output, want_slopes ? c->slopes : NULL);
+  for (int f = 0; f < GROUSER_FEATURES; f++) input[f] = (float)((feature[f] - net->input_mean[f]) * net->input_gain[f]);
+}
+
+static void read_correction(const grouser_track_net *net, const float *output, double *correction) {
   for (int u = 0; u < 3 * net->block.wheels; u++)
-    c->correction[u] = net->output_mean[u] + net->output_scale[u] * (double)output[u];
+    correction[u] = net->output_mean[u] + net->output_scale[u] * (double)output[u];
 }
 
 static void track_force(const grouser_track_net *net, const track_shear *shear, int k, enum grouser_side side,
-                        const track_load *t, const track_correction *c, double force[GROUSER_OUTPUTS]) {
+                        const track_load *t, const double *correction, double force[GROUSER_OUTPUTS]) {
   const grouser_physics *block = &net->block;
   const int wheels = block->wheels;
   double along = 0, across = 0, moment = 0;
   for (int i = 0; i < wheels; i++) {
-    const double stress = t->strength[i].stress;
-    along += stress * c->correction[i];
-    across += stress * c->correction[wheels + i];
-    moment += stress * (net->arm[i] * c->correction[wheels + i] +
-                        block->element_length / 2 * c->correction[2 * wheels + i]);
+    const double stress = t->stress[i];
+    along += stress * correction[i];
+    across += stress * correction[wheels + i];
+    moment += stress * (net->arm[i] * correction[wheels + i] +
+                        block->element_length / 2 * correction[2 * wheels + i]);
   }
   double fx = shear->gate[k].gate * along;
   double fy = shear->gate[k].gate * across, turning = shear->gate[k].gate * moment;
@@ -173,7 +166,7 @@ static void track_force(const grouser_track_net *net, const track_shear *shear, 
 }
 
 static void track_jacobian(const grouser_track_net *net, const track_shear *shear, int k, enum grouser_side side,
-                           const track_load *t, track_correction *c, double *jacobian) {
+                           const track_load *t, const double *correction, grouser_slopes slopes, double *jacobian) {
   const grouser_physics *block = &net->block;
   const grouser_gate *gate = &shear->gate[k];
   const int columns = grouser_columns(block->mode), wheels = block->wheels, units = 3 * wheels;
@@ -183,11 +176,11 @@ static void track_jacobian(const grouser_track_net *net, const track_shear *shea
   double by_gate[GROUSER_OUTPUTS] = {0, 0, 0};
   for (int n = 0; n < GROUSER_OUTPUTS; n++)
     for (int u = 0; u < units; u++) {
-      const double seed = t->strength[u % wheels].stress * lever(net, n, u);
+      const double seed = t->stress[u % wheels] * lever(net, n, u);
       rows[n * GROUSER_MAX_WIDTH + u] = (float)(seed * gate->gate * net->output_scale[u]);
-      by_gate[n] += seed * c->correction[u];
+      by_gate[n] += seed * correction[u];
     }
-  grouser_dense_backward(&net->dense, c->slopes, rows);
+  grouser_dense_backward(&net->dense, slopes, rows);
 
   /* Rows and columns that change their sign between a track and its mirror image. */
   const double sign = side == GROUSER_LEFT ? 1.0 : -1.0;
@@ -220,16 +213,15 @@ static void track_jacobian(const grouser_track_net *net, const track_shear *shea
     slope[columns - 2] = -row_sign * along_lever * t->load * shear->slip[k].direction;
     for (int i = 0; i < wheels; i++) {
       const grouser_strength s = t->strength[i];
-      double along = gate->gate * c->correction[i], across = gate->gate * c->correction[wheels + i];
-      double turning = gate->gate * c->correction[2 * wheels + i];
+      double along = gate->gate * correction[i], across = gate->gate * correction[wheels + i];
+      double turning = gate->gate * (net->arm[i] * correction[wheels + i] +
+                                     block->element_length / 2 * correction[2 * wheels + i]);
       for (int j = 0; j < GROUSER_POINTS; j++) {
-        along += net->mean[j][i] * x[j];
-        across += net->mean[j][i] * y[j];
-        turning += net->moment[j][i] * y[j];
+        along += net->mean[i][j] * x[j];
+        across += net->mean[i][j] * y[j];
+        turning += net->turning[i][j] * y[j];
       }
-      const double unit = n == 0   ? along
-                          : n == 1 ? across
-                                   : net->arm[i] * across + block->element_length / 2 * turning - half_tread * along;
+      const double unit = n == 0 ? along : n == 1 ? across : turning - half_tread * along;
       const double gain = row_sign * area * unit;
       slope[GROUSER_AX] += gain * s.by_load * t->load * t->share_by_ax[i];
       slope[GROUSER_AY] += gain * s.by_load * t->load_by_ay * t->share[i];
@@ -246,15 +238,20 @@ GROUSER_INLINE void evaluate_sides(const grouser_track_net *net, const double *x
   shear_tracks(net, x, side, sides, want_slopes, &shear);
   grouser_element_shares(&net->block, x[GROUSER_AX], share, share_by_ax);
   const double tangent = grouser_friction_tangent(&net->block, x + GROUSER_TERRAIN);
+  float input[SIDES * GROUSER_MAX_WIDTH], output[SIDES * GROUSER_MAX_WIDTH];
+  grouser_slopes slopes[SIDES];
+  for (int k = 0; k < sides; k++) read_features(net, &shear, k, input + k * GROUSER_MAX_WIDTH);
+  (sides == 1 ? grouser_dense_forward : grouser_dense_forward_pair)(&net->dense, input, output,
+                                                                    want_slopes ? slopes : NULL);
   for (int k = 0; k < sides; k++) {
     track_load load;
-    track_correction correction;
+    double correction[GROUSER_MAX_UNITS];
     load.share = share;
     load.share_by_ax = share_by_ax;
-    load_track(net, x, side[k], tangent, &load);
-    correct_track(net, &shear, k, &correction, want_slopes);
-    track_force(net, &shear, k, side[k], &load, &correction, force[k]);
-    if (want_slopes) track_jacobian(net, &shear, k, side[k], &load, &correction, jacobian[k]);
+    load_track(net, x, side[k], tangent, want_slopes, &load);
+    read_correction(net, output + k * GROUSER_MAX_WIDTH, correction);
+    track_force(net, &shear, k, side[k], &load, correction, force[k]);
+    if (want_slopes) track_jacobian(net, &shear, k, side[k], &load, correction, slopes[k], jacobian[k]);
   }
 }
 
@@ -269,7 +266,10 @@ static void evaluate(const grouser_track_net *net, const double *x, const enum g
 
 void grouser_track_net_prepare(grouser_track_net *net) {
   for (int i = 0; i < net->block.wheels; i++)
-    net->arm[i] = net->block.contact_center + grouser_element_arm(&net->block, i);
+    for (int j = 0; j < GROUSER_POINTS; j++) {
+      net->arm[i] = net->block.contact_center + grouser_element_arm(&net->block, i);
+      net->turning[i][j] = net->arm[i] * net->mean[i][j] + net->block.element_length / 2 * net->moment[i][j];
+    }
   for (int f = 0; f < GROUSER_FEATURES; f++) net->input_gain[f] = 1.0 / net->input_scale[f];
 }
 

@@ -167,7 +167,7 @@ GROUSER_INLINE void add_track(const grouser_track_net *net, const grouser_block_
   for (int i = 0; i < wheels; i++) {
     const double *stress = t->stress[i], arm = net->arm[i];
     for (int j = 0; j < GROUSER_POINTS; j++) {
-      const double mean = net->mean[j][i], turn = arm * mean + half * net->moment[j][i];
+      const double mean = net->mean[i][j], turn = net->turning[i][j];
       for (int l = 0; l < LANES; l++) {
         weight[j][l] += stress[l] * mean;
         moment[j][l] += stress[l] * turn;

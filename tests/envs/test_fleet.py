@@ -6,6 +6,7 @@ import os
 import weakref
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,7 @@ from grouser.terrain import (
 )
 
 M113 = TrackedVehicle.preset("m113")
+ARTIFACTS = Path(__file__).resolve().parents[2] / "surrogate" / "artifacts"
 ASPHALT, SAND = named("asphalt"), named("lete-sand")
 SLICK = RigidTerrain(mu=0.15, fr=0.02, k=0.01)
 EXTENT = (-60.0, 60.0, -60.0, 60.0)
@@ -166,7 +168,7 @@ def test_one_track_on_a_slick_strip_turns_the_vehicle() -> None:
 @pytest.mark.parametrize("integrator", ["implicit", "sdirk2"])
 def test_surrogates_in_float32_agree_to_the_solver_s_tolerance(artifact: str, integrator: Integrator) -> None:
     ground = ASPHALT if "rigid" in artifact else SAND
-    surrogate = Surrogate.load(f"surrogate/artifacts/{artifact}.safetensors")
+    surrogate = Surrogate.load(ARTIFACTS / f"{artifact}.safetensors")
     backend = make_backend("native", mode=ground.mode, vehicle=M113, artifact=surrogate)
     # A solver that stops at 1e-6 m/s, and forces that forget a difference.
     assert farthest(backend, ground, 400, integrator=integrator) < 1e-4
@@ -185,7 +187,7 @@ def guarded(**policy: Any) -> GuardedBackend:
         "guarded",
         mode="rigid",
         vehicle=M113,
-        artifact=Surrogate.load("surrogate/artifacts/m113-rigid-paper.safetensors"),
+        artifact=Surrogate.load(ARTIFACTS / "m113-rigid-paper.safetensors"),
         policy=SwitchingPolicy(**policy),
         **COARSE,
     )
@@ -237,7 +239,7 @@ def test_a_guard_s_memory_survives_being_read_and_written() -> None:
 
 def test_a_primary_that_fails_hands_the_whole_tick_to_the_fallback() -> None:
     # A network of this vehicle whose weights overflow: every output is infinite.
-    surrogate = Surrogate.load("surrogate/artifacts/m113-rigid-paper-recipe.safetensors")
+    surrogate = Surrogate.load(ARTIFACTS / "m113-rigid-paper-recipe.safetensors")
     broken = make_backend("native", mode="rigid", vehicle=M113, artifact=surrogate)
     fallback = PhysicsBackend(M113, "rigid", cells=(2, 1))
     broken._kernel = _overflowing_network()  # type: ignore[attr-defined]

@@ -97,6 +97,7 @@ def test_a_ground_of_the_other_mode_is_refused() -> None:
         ({"count": 0}, InvalidInputError, "at least 1"),
         ({"count": 2.0}, InvalidInputError, "at least 1"),
         ({"ground": [ASPHALT]}, InvalidInputError, "each of 2"),
+        ({"ground": 3}, InvalidInputError, "a ground has mode"),
         ({"tick": 0.0}, InvalidInputError, "tick"),
         ({"threads": 0}, InvalidInputError, "threads"),
         ({"threads": 65}, InvalidInputError, "threads"),

@@ -86,6 +86,7 @@ def light_block(mode: Mode, gravity: float) -> Physics:
         mode=MODES.index(mode),
         contact=0,
         path=0,
+        precision=0,
         wheels=v.road_wheels,
         along=16,
         across=4,

@@ -30,9 +30,11 @@ static inline int grouser_padded(int width) { return (width + GROUSER_PANEL - 1)
 typedef float grouser_slopes[GROUSER_MAX_LAYERS][GROUSER_MAX_WIDTH];
 
 /* Writes the outputs (padded widths[layers]) for the inputs (widths[0]) and, unless NULL, the slopes that the backward
- * pass takes. */
+ * pass takes. The pair takes two rows of inputs, writes two of outputs, each GROUSER_MAX_WIDTH apart, and two slopes. */
 GROUSER_CORE void grouser_dense_forward(const grouser_dense *net, const float *inputs, float *outputs,
-                                        grouser_slopes slopes);
+                                        grouser_slopes *slopes);
+GROUSER_CORE void grouser_dense_forward_pair(const grouser_dense *net, const float *inputs, float *outputs,
+                                             grouser_slopes *slopes);
 
 /* For three rows of seeds over the outputs, writes three rows of seeds' derivatives by the inputs; rows are
  * GROUSER_MAX_WIDTH apart, and `rows` is overwritten on the way. */

@@ -21,9 +21,10 @@ typedef struct {
   double ends[2 * GROUSER_POINTS]; /* of the parts: rear ends, then front ends */
   double reach[GROUSER_POINTS], half_travel, part_length;
   /* From shear at the points to an element's mean, and to the moment of the shear across over half its length. */
-  double mean[GROUSER_POINTS][GROUSER_MAX_WHEELS], moment[GROUSER_POINTS][GROUSER_MAX_WHEELS];
-  /* Filled in by grouser_track_net_prepare: elements' centres from the CG, and 1/input_scale. */
-  double arm[GROUSER_MAX_WHEELS], input_gain[GROUSER_FEATURES];
+  double mean[GROUSER_MAX_WHEELS][GROUSER_POINTS], moment[GROUSER_MAX_WHEELS][GROUSER_POINTS];
+  /* Filled in by grouser_track_net_prepare: elements' centres from the CG, the moment about the CG of the shear across,
+   * and 1/input_scale. */
+  double arm[GROUSER_MAX_WHEELS], turning[GROUSER_MAX_WHEELS][GROUSER_POINTS], input_gain[GROUSER_FEATURES];
 } grouser_track_net;
 
 GROUSER_CORE void grouser_track_net_prepare(grouser_track_net *net);
