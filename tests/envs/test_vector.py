@@ -319,6 +319,14 @@ class TestBadInput:
         good = actions(3, 1)[0]
         assert env.step(good)[0].tobytes() == other.step(good)[0].tobytes()
 
+    def test_a_step_before_the_first_reset(self) -> None:
+        env = make(SPEED, 2)
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            env.step(actions(2, 1)[0])
+        env.reset(options={"reset_mask": np.array([True, False])})
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            env.step(actions(2, 1)[0])
+
     def test_actions_of_environments_that_reset_are_ignored(self) -> None:
         env = make(PATH, 2, time_limit=0.1)
         env.reset(seed=0)
