@@ -83,6 +83,13 @@ class GuardedSurrogate(GuardedBackend):
         gated = Gated(primary=primary.kernel, fallback=fallback.kernel, detector=self.surrogate.detector.compiled())
         return _CompiledGate(self.vehicle, self.mode, gated, domain="k must be positive")
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_compiled"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._compiled = self._compile()
+
     def forces(self, x: FloatArray) -> FloatArray:
         """Return [Qx, Qy, Mz], shape (3,) or (n, 3); see :meth:`GuardedBackend.forces`."""
         return super().forces(x) if self._compiled is None else self._compiled.forces(x)

@@ -39,7 +39,7 @@ LEFT_OUT = {f"{mask}{name}" for mask in ("", "_") for name in ("track_forces", "
 class Checkered:
     """A ground that only Python knows."""
 
-    mode = "rigid"
+    mode: Mode = "rigid"
 
     def parameters_at(self, x: float, y: float) -> NDArray[np.float64]:
         return named("asphalt" if round(x + y) % 2 else "ice").parameters
@@ -318,6 +318,14 @@ class TestBadInput:
         # Nothing has moved.
         good = actions(3, 1)[0]
         assert env.step(good)[0].tobytes() == other.step(good)[0].tobytes()
+
+    def test_a_step_before_the_first_reset(self) -> None:
+        env = make(SPEED, 2)
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            env.step(actions(2, 1)[0])
+        env.reset(options={"reset_mask": np.array([True, False])})
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            env.step(actions(2, 1)[0])
 
     def test_actions_of_environments_that_reset_are_ignored(self) -> None:
         env = make(PATH, 2, time_limit=0.1)
