@@ -141,7 +141,8 @@ class TestEqualsSingleEnvironments:
             assert given[1] == pytest.approx(expected[1], abs=1e-9)
             assert given[2:4] == expected[2:4]
             assert set(given[4]) == set(expected[4])
-            assert given[4]["force"] == pytest.approx(expected[4]["force"], rel=1e-9, abs=1e-3)
+            # A residual of 1e-11 m/s at a stiffness of 2.6e4 /s moves the force of 11 t by millinewtons.
+            assert given[4]["force"] == pytest.approx(expected[4]["force"], rel=1e-9, abs=0.05)
             state, wanted = ours.simulator.get_state(), reference.simulator.get_state()
             for part in ("x", "y", "heading", "vx", "vy", "yaw_rate", "ax"):
                 assert getattr(state, part) == pytest.approx(getattr(wanted, part), abs=1e-9)
