@@ -27,7 +27,11 @@ typedef struct {
 } grouser_element_motion;
 
 /* Sums over an element's cells at unit shear strength: the force, and its derivatives by five of the inputs. */
-enum { GROUSER_BY_VX, GROUSER_BY_VY, GROUSER_BY_YAW_RATE, GROUSER_BY_BELT, GROUSER_BY_MODULUS, GROUSER_SLOPES };
+enum { GROUSER_BY_VX, GROUSER_BY_VY, GROUSER_BY_YAW_RATE, GROUSER_BODY_SLOPES, GROUSER_BY_BELT = GROUSER_BODY_SLOPES,
+       GROUSER_BY_MODULUS, GROUSER_SLOPES };
+
+/* Forces alone; with their slopes by the body's motion, which is what Newton asks for; with all slopes. */
+enum grouser_wanted { GROUSER_FORCES_WANTED, GROUSER_BODY_SLOPES_WANTED, GROUSER_ALL_SLOPES_WANTED };
 
 typedef struct {
   double force[GROUSER_OUTPUTS];
@@ -38,7 +42,7 @@ typedef struct {
 GROUSER_CORE void grouser_soft_forces(const grouser_element_motion *motion, const grouser_cell_strip *strip,
                          grouser_element_sums *sums);
 GROUSER_CORE void grouser_soft_slopes(const grouser_element_motion *motion, const grouser_cell_strip *strip,
-                         grouser_element_sums *sums);
+                                      enum grouser_wanted wanted, grouser_element_sums *sums);
 
 /* Exact: the path of the belt point over the ground, with the vehicle's rotation on the way. */
 GROUSER_CORE void grouser_exact_forces(const grouser_element_motion *motion, const grouser_cell_strip *strip,
@@ -56,6 +60,6 @@ typedef struct {
 
 GROUSER_CORE void grouser_fill_single_strip(const grouser_physics *block, int first, grouser_single_strip *strip);
 GROUSER_CORE void grouser_single_cells(const grouser_element_motion *motion, const grouser_single_strip *strip,
-                                       double lever, int want_slopes, grouser_element_sums *sums);
+                                       double lever, enum grouser_wanted wanted, grouser_element_sums *sums);
 
 #endif

@@ -51,6 +51,10 @@ void grouser_kernel_forces(const grouser_kernel *kernel, const double *left, con
     }
     return;
   }
+  if (kernel->evaluate_body) {
+    kernel->evaluate_body(kernel->self, left, right, forces, slopes);
+    return;
+  }
   if (right) {
     kernel->evaluate_track(kernel->self, left, 0, forces, slopes ? jacobian : NULL);
     kernel->evaluate_track(kernel->self, right, 1, other, slopes ? other_jacobian : NULL);

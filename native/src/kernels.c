@@ -27,9 +27,15 @@ static const char *physics_refuses(const void *block, const double *x) {
   return grouser_physics_refuses((const grouser_physics *)block, x);
 }
 
+static void physics_evaluate_body(const void *block, const double *left, const double *right, double *forces,
+                                  double slopes[GROUSER_OUTPUTS][3]) {
+  grouser_physics_body((const grouser_physics *)block, left, right, forces, slopes);
+}
+
 static grouser_kernel physics_kernel(const grouser_physics *block) {
   const grouser_kernel kernel = {
-      block, grouser_columns(block->mode), physics_evaluate, physics_refuses, physics_evaluate_track, NULL, NULL};
+      block, grouser_columns(block->mode), physics_evaluate, physics_refuses, physics_evaluate_track, NULL, NULL,
+      physics_evaluate_body};
   return kernel;
 }
 
@@ -57,7 +63,7 @@ static const char *mlp_refuses(const void *self, const double *x) {
 static grouser_kernel mlp_kernel(grouser_mlp *net) {
   grouser_mlp_prepare(net);
   const grouser_kernel kernel = {
-      net, net->dense.widths[0], mlp_evaluate, mlp_refuses, NULL, mlp_evaluate_block, mlp_evaluate_rows};
+      net, net->dense.widths[0], mlp_evaluate, mlp_refuses, NULL, mlp_evaluate_block, mlp_evaluate_rows, NULL};
   return kernel;
 }
 
@@ -101,7 +107,8 @@ static grouser_kernel track_net_kernel(grouser_track_net *net) {
                                  track_net_refuses,
                                  track_net_evaluate_track,
                                  track_net_evaluate_block,
-                                 track_net_evaluate_rows};
+                                 track_net_evaluate_rows,
+                                 NULL};
   return kernel;
 }
 
@@ -115,7 +122,7 @@ static const char *gated_refuses(const void *self, const double *x) {
 }
 
 static grouser_kernel gated_kernel(const grouser_gated *gated) {
-  const grouser_kernel kernel = {gated, gated->fallback.columns, gated_evaluate, gated_refuses, NULL, NULL, NULL};
+  const grouser_kernel kernel = {gated, gated->fallback.columns, gated_evaluate, gated_refuses, NULL, NULL, NULL, NULL};
   return kernel;
 }
 

@@ -32,8 +32,8 @@ static void place_element(const grouser_physics *block, int i, grouser_element_m
 }
 
 /* Sums of every element of one track. */
-static void integrate_track(const grouser_physics *block, const double *row, double belt, double sign, int want_slopes,
-                            grouser_element_sums *sums) {
+static void integrate_track(const grouser_physics *block, const double *row, double belt, double sign,
+                            enum grouser_wanted wanted, grouser_element_sums *sums) {
   const double soft_square = block->soft_speed * block->soft_speed;
   const int continuous = block->contact == GROUSER_CONTINUOUS;
   const int exact = block->path == GROUSER_EXACT_PATH;
@@ -54,7 +54,7 @@ static void integrate_track(const grouser_physics *block, const double *row, dou
     grouser_fill_single_strip(block, first, &strip);
     for (int i = 0; i < block->wheels; i++) {
       place_element(block, i, &m);
-      grouser_single_cells(&m, &strip, sign * block->tread / 2, want_slopes, &sums[i]);
+      grouser_single_cells(&m, &strip, sign * block->tread / 2, wanted, &sums[i]);
     }
   }
   for (int first = 0; !single && first < cells; first += GROUSER_STRIP) {
@@ -64,7 +64,8 @@ static void integrate_track(const grouser_physics *block, const double *row, dou
       place_element(block, i, &m);
       /* Forces come from their own pass, so that they have the same bits with and without slopes. */
       (exact ? grouser_exact_forces : grouser_soft_forces)(&m, &strip, &sums[i]);
-      if (want_slopes) (exact ? grouser_exact_slopes : grouser_soft_slopes)(&m, &strip, &sums[i]);
+      if (wanted != GROUSER_FORCES_WANTED && exact) grouser_exact_slopes(&m, &strip, &sums[i]);
+      if (wanted != GROUSER_FORCES_WANTED && !exact) grouser_soft_slopes(&m, &strip, wanted, &sums[i]);
     }
   }
 }
@@ -106,7 +107,7 @@ void grouser_physics_track(const grouser_physics *block, const double *x, enum g
 
   const double tangent = grouser_friction_tangent(block, terrain);
   grouser_element_sums sums[GROUSER_MAX_WHEELS];
-  integrate_track(block, x, belt, sign, jacobian != NULL, sums);
+  integrate_track(block, x, belt, sign, jacobian ? GROUSER_ALL_SLOPES_WANTED : GROUSER_FORCES_WANTED, sums);
   for (int i = 0; i < block->wheels; i++) {
     const double load = track_load * share[i];
     const grouser_strength s = grouser_shear_strength(block, terrain, tangent, load);
@@ -137,6 +138,42 @@ void grouser_physics_forces(const grouser_physics *block, const double *x, doubl
   for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += right[n];
   if (jacobian)
     for (int n = 0; n < entries; n++) jacobian[n] += right_jacobian[n];
+}
+
+/* Adds one track of one vehicle, with what Newton asks for: the slopes by the body's motion. */
+static void add_body(const grouser_physics *block, const double *x, enum grouser_side side, enum grouser_wanted wanted,
+                     double force[GROUSER_OUTPUTS], double slope[GROUSER_OUTPUTS][3]) {
+  const int columns = grouser_columns(block->mode);
+  const double sign = side == GROUSER_LEFT ? 1.0 : -1.0, belt = x[side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT];
+  const double cell_area = block->element_length * block->track_width / (block->along * block->across);
+  const double direction = belt / sqrt(belt * belt + block->soft_speed * block->soft_speed);
+  const double tangent = grouser_friction_tangent(block, x + GROUSER_TERRAIN);
+  double share[GROUSER_MAX_WHEELS], share_by_ax[GROUSER_MAX_WHEELS], load_by_ay, own[GROUSER_OUTPUTS];
+  grouser_element_sums sums[GROUSER_MAX_WHEELS];
+  const double track_load = grouser_side_load(block, x[GROUSER_AY], side, &load_by_ay);
+  grouser_element_shares(block, x[GROUSER_AX], share, share_by_ax);
+  integrate_track(block, x, belt, sign, wanted, sums);
+  own[0] = -x[columns - 2] * track_load * direction;
+  own[1] = 0;
+  own[2] = -(sign * block->tread / 2) * own[0];
+  for (int i = 0; i < block->wheels; i++) {
+    const grouser_strength s = grouser_shear_strength(block, x + GROUSER_TERRAIN, tangent, track_load * share[i]);
+    const double scale = s.stress * cell_area;
+    for (int n = 0; n < GROUSER_OUTPUTS; n++) {
+      own[n] += scale * sums[i].force[n];
+      for (int d = 0; wanted != GROUSER_FORCES_WANTED && d < 3; d++) slope[n][d] += scale * sums[i].slope[d][n];
+    }
+  }
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += own[n];
+}
+
+void grouser_physics_body(const grouser_physics *block, const double *left, const double *right,
+                          double force[GROUSER_OUTPUTS], double slope[GROUSER_OUTPUTS][3]) {
+  const enum grouser_wanted wanted = slope ? GROUSER_BODY_SLOPES_WANTED : GROUSER_FORCES_WANTED;
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = 0;
+  if (slope) memset(slope, 0, sizeof(double) * GROUSER_OUTPUTS * 3);
+  add_body(block, left, GROUSER_LEFT, wanted, force, slope);
+  add_body(block, right ? right : left, GROUSER_RIGHT, wanted, force, slope);
 }
 
 const char *grouser_physics_refuses(const grouser_physics *block, const double *x) {

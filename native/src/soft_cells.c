@@ -3,6 +3,7 @@
 
 #include "cells.h"
 #include "exponential.h"
+#include "lanes.h"
 
 static double lane_total(const double lane[GROUSER_LANES]) {
   return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
@@ -32,7 +33,8 @@ void grouser_soft_forces(const grouser_element_motion *m, const grouser_cell_str
 
 /* dF = -(phi1 I + (exp(-z) - phi1) n n') du, n = u/|u|; along u itself the bracket is exp(-z). The slopes by yaw rate
  * follow from those by vx and vy at the cell. */
-void grouser_soft_slopes(const grouser_element_motion *m, const grouser_cell_strip *strip, grouser_element_sums *sums) {
+GROUSER_INLINE void add_slopes(const grouser_element_motion *m, const grouser_cell_strip *strip, const int all,
+                               grouser_element_sums *sums) {
   double lane[GROUSER_SLOPES][GROUSER_OUTPUTS][GROUSER_LANES];
   memset(lane, 0, sizeof lane);
   const double gain = 1.0 / (m->soft_belt * m->modulus);
@@ -67,6 +69,7 @@ void grouser_soft_slopes(const grouser_element_motion *m, const grouser_cell_str
       lane[GROUSER_BY_YAW_RATE][0][l] -= wx;
       lane[GROUSER_BY_YAW_RATE][1][l] -= wy;
       lane[GROUSER_BY_YAW_RATE][2][l] -= x * wy - y * wx;
+      if (!all) continue;
       lane[GROUSER_BY_BELT][0][l] += bx;
       lane[GROUSER_BY_BELT][1][l] += by;
       lane[GROUSER_BY_BELT][2][l] += x * by - y * bx;
@@ -76,6 +79,14 @@ void grouser_soft_slopes(const grouser_element_motion *m, const grouser_cell_str
     }
   }
   memcpy(lane[GROUSER_BY_VY][0], lane[GROUSER_BY_VX][1], sizeof lane[GROUSER_BY_VY][0]);
-  for (int s = 0; s < GROUSER_SLOPES; s++)
+  for (int s = 0; s < (all ? GROUSER_SLOPES : GROUSER_BODY_SLOPES); s++)
     for (int n = 0; n < GROUSER_OUTPUTS; n++) sums->slope[s][n] += lane_total(lane[s][n]);
+}
+
+void grouser_soft_slopes(const grouser_element_motion *m, const grouser_cell_strip *strip, enum grouser_wanted wanted,
+                         grouser_element_sums *sums) {
+  if (wanted == GROUSER_ALL_SLOPES_WANTED)
+    add_slopes(m, strip, 1, sums);
+  else
+    add_slopes(m, strip, 0, sums);
 }

@@ -36,7 +36,7 @@ void grouser_fill_single_strip(const grouser_physics *block, int first, grouser_
 }
 
 GROUSER_INLINE void add_element(const grouser_element_motion *m, const grouser_single_strip *strip, double lever,
-                                const int want_slopes, grouser_element_sums *sums) {
+                                const int want_slopes, const int all, grouser_element_sums *sums) {
   const float along = (float)(m->vx - m->yaw_rate * lever - m->belt);
   const float across = (float)(m->vy + m->yaw_rate * m->center), yaw_rate = (float)m->yaw_rate;
   const double per_meter = 1.0 / (m->soft_belt * m->modulus);
@@ -79,6 +79,7 @@ GROUSER_INLINE void add_element(const grouser_element_motion *m, const grouser_s
       lane[GROUSER_BY_VY][1][l] -= gyy;
       lane[GROUSER_BY_VY][2][l] -= x * gyy - y * gxy;
       lane[GROUSER_BY_YAW_RATE][2][l] -= x * wy - y * wx;
+      if (!all) continue;
       lane[GROUSER_BY_BELT][0][l] += bx;
       lane[GROUSER_BY_BELT][1][l] += by;
       lane[GROUSER_BY_BELT][2][l] += x * by - y * bx;
@@ -94,7 +95,8 @@ GROUSER_INLINE void add_element(const grouser_element_motion *m, const grouser_s
   sums->force[2] += (double)lanes_total(m_lane) + center * fy - lever * fx;
   if (!want_slopes) return;
   double slope[GROUSER_SLOPES][GROUSER_OUTPUTS];
-  for (int s = 0; s < GROUSER_SLOPES; s++)
+  const int slopes = all ? GROUSER_SLOPES : GROUSER_BODY_SLOPES;
+  for (int s = 0; s < slopes; s++)
     for (int n = 0; n < GROUSER_OUTPUTS; n++) slope[s][n] = (double)lanes_total(lane[s][n]);
   slope[GROUSER_BY_VY][0] = slope[GROUSER_BY_VX][1];
   /* The matrix is symmetric about the element's centre, and turning there is what the moment is of. */
@@ -102,16 +104,18 @@ GROUSER_INLINE void add_element(const grouser_element_motion *m, const grouser_s
   slope[GROUSER_BY_YAW_RATE][1] = slope[GROUSER_BY_VY][2];
   for (int n = 0; n < GROUSER_OUTPUTS; n++)
     slope[GROUSER_BY_YAW_RATE][n] += center * slope[GROUSER_BY_VY][n] - lever * slope[GROUSER_BY_VX][n];
-  for (int s = 0; s < GROUSER_SLOPES; s++) {
+  for (int s = 0; s < slopes; s++) {
     slope[s][2] += center * slope[s][1] - lever * slope[s][0];
     for (int n = 0; n < GROUSER_OUTPUTS; n++) sums->slope[s][n] += slope[s][n];
   }
 }
 
 void grouser_single_cells(const grouser_element_motion *m, const grouser_single_strip *strip, double lever,
-                          int want_slopes, grouser_element_sums *sums) {
-  if (want_slopes)
-    add_element(m, strip, lever, 1, sums);
+                          enum grouser_wanted wanted, grouser_element_sums *sums) {
+  if (wanted == GROUSER_ALL_SLOPES_WANTED)
+    add_element(m, strip, lever, 1, 1, sums);
+  else if (wanted == GROUSER_BODY_SLOPES_WANTED)
+    add_element(m, strip, lever, 1, 0, sums);
   else
-    add_element(m, strip, lever, 0, sums);
+    add_element(m, strip, lever, 0, 0, sums);
 }

@@ -130,6 +130,7 @@ def _kernel(read: Read, name: str, table: str = "") -> str:
         "evaluate_track": "NULL",
         "evaluate_block": "NULL",
         "evaluate_rows": "NULL",
+        "evaluate_body": "NULL",
     }
     return struct(read(core.KERNEL_HEADER), "grouser_kernel", values)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compiled_kernel import BLOCK, block_forces
+from compiled_kernel import BLOCK, block_forces, body_forces
 
 from grouser.native import cpu_level
 from grouser.surrogate import NativeSurrogate, Surrogate
@@ -154,6 +154,27 @@ def test_float32_physics_is_symmetric_and_knows_its_resolution(mode: Mode) -> No
 def test_the_exact_path_is_in_float64_alone() -> None:
     with pytest.raises(InvalidInputError, match="precision"):
         make_backend("exact", mode="rigid", vehicle=M113, precision="float32")
+
+
+# --- one vehicle with the slopes that Newton asks for
+
+
+@every_mode
+@pytest.mark.parametrize("name", ["physics", "single"])
+def test_forces_of_a_body_come_with_its_share_of_the_jacobian(name: str, mode: Mode) -> None:
+    backend, left = compiled(name, mode), rows(mode, 12, 17)
+    right = left.copy()
+    right[:, 7:] = rows(mode, 12, 18)[:, 7:]
+    for x_left, x_right in zip(left, right, strict=True):
+        together, slopes = body_forces(backend.kernel, x_left, None)
+        forces, jacobian = backend.forces_and_jacobian(x_left)
+        np.testing.assert_array_equal(together, forces)
+        np.testing.assert_allclose(slopes, jacobian[:, :3], rtol=1e-12, atol=1e-9 * np.abs(jacobian).max())
+        apart, slopes = body_forces(backend.kernel, x_left, x_right)
+        tracks, by_track = backend.track_forces_and_jacobian(x_left, x_right)
+        np.testing.assert_array_equal(apart, tracks[0].sum(axis=0))
+        expected = by_track[0].sum(axis=0)[:, :3]
+        np.testing.assert_allclose(slopes, expected, rtol=1e-12, atol=1e-9 * np.abs(expected).max())
 
 
 # --- bound arrays

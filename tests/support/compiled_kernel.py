@@ -41,6 +41,11 @@ class _Kernel(ctypes.Structure):
                 ctypes.POINTER(_Forces),
             ),
         ),
+        ("evaluate_rows", ctypes.c_void_p),
+        (
+            "evaluate_body",
+            ctypes.CFUNCTYPE(None, ctypes.c_void_p, _double_p, _double_p, _double_p, _double_p),
+        ),
     )
 
 
@@ -63,3 +68,12 @@ def block_forces(compiled: Any, left: FloatArray, right: FloatArray, *, slopes: 
     out = _Forces()
     kernel.evaluate_block(kernel.self, rows[0], rows[1], int(slopes), out)
     return np.array(out.force).T, np.moveaxis(np.array(out.slope), -1, 0)
+
+
+def body_forces(compiled: Any, left: FloatArray, right: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+    """Return forces (3,) and slopes by vx, vy, yaw rate (3, 3) of one row, or of one a track."""
+    kernel = kernel_of(compiled)
+    forces, slopes = np.empty(3), np.empty((3, 3))
+    arrays = [None if a is None else a.ctypes.data_as(_double_p) for a in (left, right, forces, slopes)]
+    kernel.evaluate_body(kernel.self, *arrays)
+    return forces, slopes

@@ -38,6 +38,10 @@ typedef struct {
                          int want_slopes, grouser_block_forces *out);
   /* Writes the forces (rows x 3) of many rows; NULL where that is no faster than one by one. */
   void (*evaluate_rows)(const void *self, const double *x, ptrdiff_t rows, double *forces);
+  /* Writes the forces of one vehicle, the right track from its own row or, if NULL, from the left one, and unless NULL
+   * their slopes by vx, vy and yaw rate; NULL where evaluate is as good. */
+  void (*evaluate_body)(const void *self, const double *left, const double *right, double *forces,
+                        double slopes[GROUSER_OUTPUTS][3]);
 } grouser_kernel;
 
 #endif

@@ -43,6 +43,10 @@ GROUSER_CORE void grouser_physics_track(const grouser_physics *block, const doub
 GROUSER_CORE void grouser_physics_forces(const grouser_physics *block, const double *x, double force[GROUSER_OUTPUTS],
                             double *jacobian);
 
+/* As evaluate_body of a grouser_kernel. */
+GROUSER_CORE void grouser_physics_body(const grouser_physics *block, const double *left, const double *right,
+                                       double force[GROUSER_OUTPUTS], double slope[GROUSER_OUTPUTS][3]);
+
 /* Name of the first column that the block cannot take (not finite, a shear modulus that is not positive, a stopped
  * belt at zero soft speed), or NULL if the row is good. */
 GROUSER_CORE const char *grouser_physics_refuses(const grouser_physics *block, const double *x);
