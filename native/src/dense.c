@@ -66,11 +66,11 @@ GROUSER_INLINE grouser_lanes activated(enum grouser_activation kind, grouser_lan
     return lanes_where_less(z, zero, zero, z);
   }
   if (kind == GROUSER_SILU) {
-    const grouser_lanes gate = one / (one + lanes_exp(zero - z));
+    const grouser_lanes half = lanes_of(0.5f), gate = lanes_fma(half, lanes_tanh(half * z), half);
     *slope = gate * lanes_fma(z, one - gate, one);
     return z * gate;
   }
-  const grouser_lanes t = one - lanes_of(2.0f) / (one + lanes_exp(z + z));
+  const grouser_lanes t = lanes_tanh(z);
   *slope = one - t * t;
   return t;
 }

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from compiled_kernel import BLOCK, block_forces, body_forces
 
-from grouser.native import cpu_level
+from grouser.native import Mlp, cpu_level
 from grouser.surrogate import NativeSurrogate, Surrogate
 from grouser.terrain import (
     MODES,
@@ -292,7 +292,7 @@ def test_the_compiled_gate_is_the_gate(mode: Mode) -> None:
 PARITY = """
 import sys
 import numpy as np
-from grouser.native import cpu_level
+from grouser.native import Mlp, cpu_level
 from grouser.surrogate import NativeSurrogate, Surrogate
 from grouser.terrain import PhysicsBackend, TrackedVehicle
 vehicle, x = TrackedVehicle.preset("m113"), np.load(sys.argv[1])
@@ -337,3 +337,28 @@ def test_an_unknown_level_is_refused_with_those_that_there_are() -> None:
     assert "GROUSER_CPU=vax" in done.stderr
     assert cpu_level() in done.stderr
     assert "portable" in done.stderr
+
+
+# --- activations
+
+
+@pytest.mark.parametrize(("activation", "function"), [(1, lambda z: z / (1.0 + np.exp(-z))), (2, np.tanh)])
+def test_activations_are_right_to_a_millionth(activation: int, function: Callable[[FloatArray], FloatArray]) -> None:
+    first, last = np.zeros((10, 3), np.float32), np.eye(3, dtype=np.float32)
+    first[0] = 1.0
+    zeros = np.zeros(3, np.float32)
+    net = Mlp(
+        activation=activation,
+        widths=(10, 3, 3),
+        parameters=b"".join(part.tobytes() for part in (first, zeros, last, zeros)),
+        input_mean=np.zeros(10),
+        input_scale=np.ones(10),
+        output_mean=np.zeros(3),
+        output_scale=np.ones(3),
+    )
+    x = np.zeros((20001, 10))
+    x[:, 0] = np.linspace(-20.0, 20.0, 20001).astype(np.float32)
+    found = np.empty((20001, 3))
+    net.forces(x, found)
+    error = np.abs(found[:, 0] - function(x[:, 0])) / np.maximum(1.0, np.abs(x[:, 0]))
+    assert error.max() < 1e-6
