@@ -48,7 +48,7 @@ GROUSER_CORE void grouser_soft_slopes(const grouser_element_motion *motion, cons
 GROUSER_CORE void grouser_exact_forces(const grouser_element_motion *motion, const grouser_cell_strip *strip,
                           grouser_element_sums *sums);
 GROUSER_CORE void grouser_exact_slopes(const grouser_element_motion *motion, const grouser_cell_strip *strip,
-                          grouser_element_sums *sums);
+                                       enum grouser_wanted wanted, grouser_element_sums *sums);
 
 /* The soft path in float32: cells about the centre of their element and of the track, whose centreline is at `lever`. */
 enum { GROUSER_SINGLE_STRIP = 256 };

@@ -93,7 +93,7 @@ static inline void add_slope(const grouser_element_motion *m, const station *at,
   sums->slope[by][2] += x * fy - y * fx;
 }
 
-void grouser_exact_slopes(const grouser_element_motion *m, const grouser_cell_strip *strip,
+void grouser_exact_slopes(const grouser_element_motion *m, const grouser_cell_strip *strip, enum grouser_wanted wanted,
                           grouser_element_sums *sums) {
   station at = station_at(m, strip->offset[0]);
   for (int n = 0; n < strip->count; n++) {
@@ -114,6 +114,7 @@ void grouser_exact_slopes(const grouser_element_motion *m, const grouser_cell_st
     add_slope(m, &at, &j, x, y, GROUSER_BY_YAW_RATE, -y, x,
               t * (by_theta_x - y * at.s + x * at.c) + by_time_x * at.time_by_yaw_rate,
               t * (by_theta_y + y * at.c + x * at.s) + by_time_y * at.time_by_yaw_rate, sums);
+    if (wanted != GROUSER_ALL_SLOPES_WANTED) continue;
     add_slope(m, &at, &j, x, y, GROUSER_BY_BELT, -1, 0, by_time_x * at.time_by_belt - t * at.cosine,
               by_time_y * at.time_by_belt + t * at.sine, sums);
     /* j/K is all that K is in: its slope is that of a displacement by -j/K. */

@@ -64,8 +64,8 @@ static void integrate_track(const grouser_physics *block, const double *row, dou
       place_element(block, i, &m);
       /* Forces come from their own pass, so that they have the same bits with and without slopes. */
       (exact ? grouser_exact_forces : grouser_soft_forces)(&m, &strip, &sums[i]);
-      if (wanted != GROUSER_FORCES_WANTED && exact) grouser_exact_slopes(&m, &strip, &sums[i]);
-      if (wanted != GROUSER_FORCES_WANTED && !exact) grouser_soft_slopes(&m, &strip, wanted, &sums[i]);
+      if (wanted != GROUSER_FORCES_WANTED)
+        (exact ? grouser_exact_slopes : grouser_soft_slopes)(&m, &strip, wanted, &sums[i]);
     }
   }
 }
