@@ -43,6 +43,67 @@ GROUSER_INLINE void affine_vectors(const float *weights, size_t stride, const fl
     lanes_store(out + s / vectors * GROUSER_MAX_WIDTH + s % vectors * GROUSER_FLOATS, even[s] + odd[s]);
 }
 
+/* Inputs that are not zero, even and odd ones apart. */
+typedef struct {
+  int even[GROUSER_MAX_WIDTH / 2 + 1], odd[GROUSER_MAX_WIDTH / 2 + 1], evens, odds;
+} active_inputs;
+
+static void find_active(const float *in, int inputs, active_inputs *active) {
+  int evens = 0, odds = 0;
+  for (int i = 0; i + 1 < inputs; i += 2) {
+    active->even[evens] = i;
+    evens += in[i] != 0;
+    active->odd[odds] = i + 1;
+    odds += in[i + 1] != 0;
+  }
+  if (inputs % 2) {
+    active->even[evens] = inputs - 1;
+    evens += in[inputs - 1] != 0;
+  }
+  active->evens = evens;
+  active->odds = odds;
+}
+
+/* affine_vectors of one row without the inputs that are zero: the same sums to the bit, for half of the weights where
+ * half of the units are silent. */
+GROUSER_INLINE void active_vectors(const float *weights, size_t stride, const float *bias, const float *in,
+                                   const active_inputs *active, float *out, const int vectors) {
+  grouser_lanes even[SUMS], odd[SUMS];
+  GROUSER_UNROLL
+  for (int v = 0; v < vectors; v++) {
+    even[v] = lanes_load(bias + v * GROUSER_FLOATS);
+    odd[v] = lanes_of(0.0f);
+  }
+  for (int n = 0; n < active->evens; n++) {
+    const int i = active->even[n];
+    const float *row = weights + (size_t)i * stride;
+    GROUSER_UNROLL
+    for (int v = 0; v < vectors; v++) even[v] = lanes_fma(lanes_of(in[i]), lanes_load(row + v * GROUSER_FLOATS), even[v]);
+  }
+  for (int n = 0; n < active->odds; n++) {
+    const int i = active->odd[n];
+    const float *row = weights + (size_t)i * stride;
+    GROUSER_UNROLL
+    for (int v = 0; v < vectors; v++) odd[v] = lanes_fma(lanes_of(in[i]), lanes_load(row + v * GROUSER_FLOATS), odd[v]);
+  }
+  GROUSER_UNROLL
+  for (int v = 0; v < vectors; v++) lanes_store(out + v * GROUSER_FLOATS, even[v] + odd[v]);
+}
+
+static void affine_active(const float *weights, const float *bias, const float *in, int inputs, float *out,
+                          int outputs) {
+  const int stride = grouser_padded(outputs);
+  active_inputs active;
+  int done = 0;
+  find_active(in, inputs, &active);
+  for (; done + 8 * GROUSER_FLOATS <= stride; done += 8 * GROUSER_FLOATS)
+    active_vectors(weights + done, (size_t)stride, bias + done, in, &active, out + done, 8);
+  for (; done + 4 * GROUSER_FLOATS <= stride; done += 4 * GROUSER_FLOATS)
+    active_vectors(weights + done, (size_t)stride, bias + done, in, &active, out + done, 4);
+  for (; done < stride; done += GROUSER_FLOATS)
+    active_vectors(weights + done, (size_t)stride, bias + done, in, &active, out + done, 1);
+}
+
 GROUSER_INLINE void affine_rows(const float *weights, const float *bias, const float *in, int inputs, float *out,
                                 int outputs, const int rows) {
   enum { MOST = SUMS / 2 };
@@ -108,7 +169,10 @@ GROUSER_INLINE void forward_rows(const grouser_dense *net, const float *inputs, 
   for (int layer = 0; layer < last; layer++) {
     const int width = net->widths[layer + 1];
     float *next = buffer[layer % 2];
-    affine_rows(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, rows);
+    if (rows == 1 && layer > 0 && net->activation == GROUSER_RELU)
+      affine_active(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width);
+    else
+      affine_rows(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, rows);
     activate_rows(net->activation, next, slopes ? slopes[0][layer] : NULL, slopes && rows > 1 ? slopes[1][layer] : NULL,
                   grouser_padded(width), rows);
     value = next;
