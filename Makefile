@@ -12,7 +12,7 @@ help:
 	@echo 'make slow   the studies that take minutes'
 	@echo 'make lint   ruff, mypy, import directions'
 	@echo 'make validate  every check and study of the physics, into docs/validation/'
-	@echo 'make bench  force-call and tick times, into build/bench/'
+	@echo 'make bench  kernels, libraries, physics and environments timed, about 4 minutes, into build/bench/'
 	@echo 'make tick-study  order, error, chatter and stability of the tick, about 5 minutes, into build/tick/'
 demo: .venv/.native
 	$(BIN)/grouser demo --output build/demo
@@ -26,7 +26,7 @@ lint: .venv/.native
 validate: .venv/.native
 	$(BIN)/grouser validate --output docs/validation
 bench: .venv/.native
-	$(BIN)/python -P benchmarks/force_call.py --output build/bench/force_call.json
+	$(BIN)/grouser bench --output build/bench
 tick-study: .venv/.native
 	$(BIN)/python -P benchmarks/tick_study.py --output build/tick
 

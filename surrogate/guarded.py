@@ -84,6 +84,11 @@ class GuardedSurrogate(GuardedBackend):
         gated = Gated(primary=primary.kernel, fallback=fallback.kernel, detector=self.surrogate.detector.compiled())
         return _CompiledGate(self.vehicle, self.mode, gated, domain="k must be positive")
 
+    @property
+    def compiled(self) -> CompiledBackend | None:
+        """Primary, detector and fallback as one compiled function; None where one of them is not compiled."""
+        return self._compiled
+
     def forces(self, x: FloatArray) -> FloatArray:
         """Return [Qx, Qy, Mz], shape (3,) or (n, 3); see :meth:`GuardedBackend.forces`."""
         return super().forces(x) if self._compiled is None else self._compiled.forces(x)
