@@ -25,7 +25,7 @@ lint: .venv/.native
 	  PYTHONSAFEPATH=1 $(BIN)/lint-imports
 validate: .venv/.native
 	$(BIN)/grouser validate --output docs/validation
-bench: .venv/.native
+bench: .venv/.bench
 	$(BIN)/grouser bench --output build/bench
 tick-study: .venv/.native
 	$(BIN)/python -P benchmarks/tick_study.py --output build/tick
@@ -41,6 +41,9 @@ tick-study: .venv/.native
 	$(PIP) --no-build-isolation -e '.[all]'
 	mkdir -p build/typing/grouser && cd build/typing/grouser && ln -sfn $(PKGS:%=../../../%) . && \
 	  echo '__version__: str' > __init__.pyi && touch py.typed
+	touch $@
+.venv/.bench: .venv/.native
+	$(PIP) onnx onnxruntime
 	touch $@
 clean:
 	rm -rf .venv build dist

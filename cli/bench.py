@@ -55,18 +55,18 @@ def bench(
 def _print_targets(targets: Sequence[Mapping[str, Any]]) -> None:
     from ..controllers.bench.page import figure
 
-    listed = table("Targets", ["", "target", "reached", ""])
+    listed = table("Targets", ["", "target", "reached", "at the bound", ""])
     before = ""
     for target in targets:
         if target["group"] != before:
             if before:
                 listed.add_section()
             before = target["group"]
-            listed.add_row(f"[bold]{before}[/bold]", "", "", "")
+            listed.add_row(f"[bold]{before}[/bold]", "", "", "", "")
         met = {True: "met", False: "[red]missed[/red]", None: "not measured"}[target["met"]]
         unit = "" if target["unit"] == "x" else f" {target['unit']}"
         wanted = f"{'≥' if target['sense'] == 'at least' else '≤'} {figure(target['target'])}{unit}"
-        listed.add_row(target["name"], wanted, figure(target["reached"]), met)
+        listed.add_row(target["name"], wanted, figure(target["reached"]), figure(target["ceiling"]), met)
     out.print(listed)
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from ...terrain import CompiledBackend, FloatArray, GrouserError
+from .absences import Absences
 from .compiled_rivals import PLAIN_FLAGS, plain_network, scalar_physics
 from .limits import Limits
 from .python_rivals import RIVALS, casadi_rival
@@ -23,18 +23,6 @@ SCALAR: Final = "float64, scalar -O2"
 STRUCTURED, GATED = "structured", "structured + detector"
 FROM_PYTHON: Final = ("64x64", "128x128")
 BATCHED: Final = ("64x64", "128x128", "128x4")
-
-
-class Absences(dict[str, str]):
-    """Why something is not in the figures, by its name."""
-
-    @contextmanager
-    def noting(self, name: str) -> Iterator[None]:
-        """Note an expected error instead of passing it on."""
-        try:
-            yield
-        except GrouserError as error:
-            self[name] = str(error)
 
 
 def grid_name(grid: tuple[int, int]) -> str:

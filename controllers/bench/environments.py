@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from time import perf_counter
 from typing import Any, Final
 
@@ -10,7 +10,9 @@ import gymnasium
 import numpy as np
 
 from ...envs import VehicleFleet, VehicleState
-from ...terrain import ForceBackend, named
+from ...terrain import ForceBackend, TrackedVehicle, named
+from .absences import Absences
+from .driving_network import driving_network
 from .subjects import DEFAULT_GRID, Subjects
 from .timing import Burst, Contender, Section
 
@@ -31,20 +33,25 @@ def column(count: int, threads: int) -> str:
     return f"N = {count}, {threads} thread{'s' if threads > 1 else ''}"
 
 
-def backends(subjects: Subjects) -> dict[str, ForceBackend]:
-    """Return the backends that are driven on."""
+def backends(subjects: Subjects, absent: Absences) -> dict[str, ForceBackend]:
+    """Return the backends that are driven on, and note the one that could not be made."""
+    plain: dict[str, ForceBackend] = {}
+    with absent.noting(PLAIN):
+        plain[PLAIN] = driving_network(subjects, (64, 64))
     return {
         STRUCTURED: subjects.structured,
-        PLAIN: subjects.native((64, 64)),
+        **plain,
         GUARDED: subjects.guarded,
         DOUBLE: subjects.physics(DEFAULT_GRID),
         SINGLE: subjects.physics(DEFAULT_GRID, "float32"),
     }
 
 
-def environment_steps(subjects: Subjects, counts: tuple[int, ...]) -> Iterator[Contender]:
+def environment_steps(
+    vehicle: TrackedVehicle, driven: Mapping[str, ForceBackend], counts: tuple[int, ...]
+) -> Iterator[Contender]:
     """Yield steps of ``grouser/PathTracking-v0`` through ``VectorEnv.step``, resets included, in ns a step of one."""
-    for name, backend in backends(subjects).items():
+    for name, backend in driven.items():
         for count in counts:
             for threads in _threads(count):
                 made = gymnasium.make_vec(
@@ -52,7 +59,7 @@ def environment_steps(subjects: Subjects, counts: tuple[int, ...]) -> Iterator[C
                     num_envs=count,
                     vectorization_mode="vector_entry_point",
                     backend=backend,
-                    vehicle=subjects.vehicle,
+                    vehicle=vehicle,
                     threads=threads,
                     control_period=_PERIOD,
                     tick=_TICK,
@@ -61,14 +68,16 @@ def environment_steps(subjects: Subjects, counts: tuple[int, ...]) -> Iterator[C
                 yield Contender(name, column(count, threads), _steps(made, count))
 
 
-def fleet_ticks(subjects: Subjects, counts: tuple[int, ...]) -> Iterator[Contender]:
+def fleet_ticks(
+    vehicle: TrackedVehicle, driven: Mapping[str, ForceBackend], counts: tuple[int, ...]
+) -> Iterator[Contender]:
     """Yield ticks of a fleet alone, ten a call, in ns a vehicle tick."""
     generator = np.random.default_rng(5)
-    for name, backend in backends(subjects).items():
+    for name, backend in driven.items():
         for count in counts:
             for threads in _threads(count):
                 fleet = VehicleFleet(
-                    subjects.vehicle,
+                    vehicle,
                     backend,
                     named("asphalt"),
                     count,

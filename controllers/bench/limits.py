@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from .timing import Contender, Section
 from .toolchain import Toolchain, Unit
@@ -132,17 +132,34 @@ def rate(limits: Section, name: str) -> float | None:
     return limits.get(_CASE, name)
 
 
-def bound(limits: Section, widths: tuple[int, ...]) -> tuple[float, str] | None:
-    """Return the least time of a single sample in ns, and what binds it; None where nothing was measured.
+class Bound(NamedTuple):
+    """The least time of a single sample.
 
-    Every weight is read once, from the first-level cache if all of them fit there, and serves one multiply-add.
+    Parameters
+    ----------
+    read, compute : float
+        Time in ns to read every weight once, and to multiply and add it.
+    """
+
+    read: float
+    compute: float
+
+    @property
+    def least(self) -> float:
+        """The longer of both, in ns: they overlap at best."""
+        return max(self.read, self.compute)
+
+
+def bound(limits: Section, widths: tuple[int, ...]) -> Bound | None:
+    """Return the bound of a network, or None where nothing was measured.
+
+    Its weights are read from the first-level cache if all of them fit there, else from the second.
     """
     size = 4 * (products(widths) + sum(widths[1:]))
-    level = L1 if size <= first_level_cache() else L2
-    read, peak = rate(limits, level), rate(limits, PEAK)
+    read, peak = rate(limits, L1 if size <= first_level_cache() else L2), rate(limits, PEAK)
     if read is None or peak is None:
         return None
-    return max((size / read, "L1" if level == L1 else "L2"), (2 * products(widths) / peak, "multiply-add"))
+    return Bound(size / read, 2 * products(widths) / peak)
 
 
 def products(widths: tuple[int, ...]) -> int:

@@ -10,6 +10,7 @@ from ...terrain import missing_extra
 from .calls import OURS
 from .compiled_rivals import PLAIN_FLAGS
 from .subjects import NETWORKS
+from .targets import BOUND
 from .timing import Section
 
 # Okabe and Ito's colours, told apart without colour vision.
@@ -55,6 +56,10 @@ def _draw_latency(axes: Any, sections: Mapping[str, Section]) -> None:
         if points:
             colour = _COLOURS[index % len(_COLOURS)]
             axes.plot(*zip(*points, strict=True), ls=line, marker=marker, color=colour, label=f"{name}, {place}")
+    bounds = sections.get("bounds")
+    if bounds is not None:
+        levels = [bounds.get(case, BOUND) or float("nan") for case in names]
+        axes.plot(levels, color="0.7", lw=1, label="bound of this core")
     for grid, precision, style in _PHYSICS:
         level = physics.get(grid, precision)
         if level is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -15,21 +15,22 @@ from typing import Any, Final
 
 from ...native import cpu_level
 from ...surrogate.threads import torch_threads
-from ...terrain import TrackedVehicle
-from .calls import OURS, Absences, Calls
-from .environments import COUNTS, environment_steps, fleet_ticks, steps_per_second
+from ...terrain import ForceBackend, TrackedVehicle
+from .absences import Absences
+from .calls import OURS, Calls
+from .environments import COUNTS, backends, environment_steps, fleet_ticks, steps_per_second
 from .latency import latencies
-from .limits import PEAK, bound, products, rate
+from .limits import PEAK, bound, first_level_cache, products, rate
 from .python_rivals import single_blas_thread
 from .subjects import BATCH, Subjects
-from .targets import judged
+from .targets import BOUND, judged
 from .timing import Contender, Effort, Progress, Section, measure
 from .toolchain import Toolchain
 
 _PACKAGES: Final = ("numpy", "torch", "onnxruntime", "casadi")
 
-_CALLS: Final = Effort(21, 0.008)
-_ENVIRONMENTS: Final = Effort(7, 0.1)
+_CALLS: Final = Effort(31, 0.008)
+_ENVIRONMENTS: Final = Effort(9, 0.1)
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,10 @@ def run_bench(
         sections["latency"] = latencies(
             calls.bound_steps(), free=config.free, paced=config.paced, cold=config.cold, progress=progress
         )
-        sections |= _environments(calls.subjects, config, timed)
+        progress("driving network", 0, 1)
+        driven = backends(calls.subjects, absent)
+        progress("driving network", 1, 1)
+        sections |= _environments(vehicle, driven, config, timed)
     return {
         "meta": _meta(command, toolchain, blas, calls.widths()),
         "absent": dict(absent),
@@ -118,16 +122,19 @@ def run_bench(
 
 
 def _environments(
-    subjects: Subjects, config: BenchConfig, timed: Callable[[str, Section, Iterable[Contender], Effort], Section]
+    vehicle: TrackedVehicle,
+    driven: Mapping[str, ForceBackend],
+    config: BenchConfig,
+    timed: Callable[[str, Section, Iterable[Contender], Effort], Section],
 ) -> dict[str, Section]:
     about = (
         "grouser/PathTracking-v0 through VectorEnv.step, 10 ticks of 10 ms a step, resets included; a step is one "
         "vehicle's."
     )
     section = Section("ns a step", about)
-    timed("environments", section, environment_steps(subjects, config.counts), config.environments)
+    timed("environments", section, environment_steps(vehicle, driven, config.counts), config.environments)
     fleets = Section("ns a vehicle tick", "VehicleFleet.advance alone, 10 ticks a call: the share of the dynamics.")
-    timed("fleets", fleets, fleet_ticks(subjects, config.counts), config.environments)
+    timed("fleets", fleets, fleet_ticks(vehicle, driven, config.counts), config.environments)
     return {"environments": steps_per_second(section), "fleets": fleets}
 
 
@@ -136,15 +143,22 @@ def _derive(sections: dict[str, Section], calls: Calls) -> None:
     limits = sections.get("limits")
     if limits is None:
         return
-    bounds = Section("ns, and shares of 1", "Every weight read once and multiplied once, at the measured rates.")
+    kilobytes = first_level_cache() // 1024
+    bounds = Section(
+        "ns, and shares of 1",
+        f"Every weight read once, from the first-level cache where all of them fit into its {kilobytes} kB and from the "
+        "second where not, and multiplied once, at the measured rates: nobody can take less than the longer of both.",
+    )
     peaks = Section("share of 1", f"Batches of {BATCH}: operations over the measured multiply-add peak.")
     peak = rate(limits, PEAK)
     for name, widths in calls.widths().items():
         least, time = bound(limits, widths), sections["networks_c"].get(name, OURS)
         if least is not None and time is not None:
-            bounds.add(name, f"bound ({least[1]})", least[0])
-            bounds.add(name, "time", time)
-            bounds.add(name, "share reached", least[0] / time)
+            bounds.add(name, "reading", least.read)
+            bounds.add(name, "multiplying", least.compute)
+            bounds.add(name, BOUND, least.least)
+            bounds.add(name, OURS, time)
+            bounds.add(name, "share reached", least.least / time)
         by_row = sections["batch"].get(name, OURS)
         if peak is not None and by_row is not None:
             peaks.add(name, "share of peak", 2 * products(widths) / (by_row * peak))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...envs import BeltCommand, Simulator, VehicleState
 from ...surrogate import (
@@ -46,6 +48,8 @@ DEFAULT_GRID: Final = (16, 4)
 BATCH: Final = 256
 _MODE: Final = "rigid"
 _SPEED: Final = 4.0
+_RUNS, _SAMPLES = 200, 50
+_VX, _YAW_RATE, _LEFT, _RIGHT = 0, 2, 5, 6
 
 
 @dataclass(frozen=True)
@@ -94,29 +98,28 @@ class Subjects:
         return PhysicsBackend(self.vehicle, _MODE, cells=grid, precision=precision)
 
     def plain(self, hidden: tuple[int, ...], activation: Activation = "relu") -> Surrogate:
-        """Return a plain network that is right about the drive's rows, and costs what any other of its size costs.
+        """Return a plain network that has seen the physics, and costs what any other of its size costs.
 
-        Its hidden layers are drawn, and the last one is fitted to the physics by least squares.
+        Its hidden layers are drawn, the first one over the slip of the belts, and the last one is fitted to the physics
+        by least squares.
         """
         generator = np.random.default_rng(7)
-        x, runs = self._training_rows(generator)
+        x, runs = self.training_rows(generator)
         forces = self.physics((4, 2)).forces(x)
         inputs, outputs = Normalizer.fit(x), Normalizer.fit(forces)
         drawn = random_network((x.shape[1], *hidden, forces.shape[1]), activation, generator)
-        biases = [generator.uniform(-0.5, 0.5, len(bias)).astype(np.float32) for bias in drawn.biases]
-        body = DenseNetwork(
-            activation,
-            (*drawn.weights[:-1], np.eye(hidden[-1], dtype=np.float32)),
-            (*biases[:-1], np.zeros(hidden[-1], np.float32)),
-        )
-        z = body.forward(NUMPY_NETWORK, inputs.normalize(x))
-        z = {"relu": lambda: np.maximum(z, 0), "silu": lambda: z / (1 + np.exp(-z)), "tanh": lambda: np.tanh(z)}[
-            activation
-        ]()
-        features = np.column_stack([z, np.ones(len(z))])
-        ridge = 1e-3 * len(z) * np.eye(features.shape[1])
+        weights = [layer.astype(np.float64) for layer in drawn.weights]
+        biases = [generator.uniform(-1.0, 1.0, len(bias)) for bias in drawn.biases]
+        # A slip is a small difference of two columns: without it, what is drawn tells hardly any two slips apart.
+        to_slip = self._slip_columns()
+        slips = Normalizer.fit(x @ to_slip)
+        first = weights[0] / slips.scale[:, None]
+        biases[0] += (inputs.mean @ to_slip - slips.mean) @ first
+        weights[0] = inputs.scale[:, None] * (to_slip @ first)
+        features = np.column_stack([_hidden_values(activation, weights, biases, inputs.normalize(x)), np.ones(len(x))])
+        ridge = 1e-6 * len(x) * np.eye(features.shape[1])
         last = np.linalg.solve(features.T @ features + ridge, features.T @ outputs.normalize(forces))
-        network = DenseNetwork(activation, (*drawn.weights[:-1], last[:-1]), (*biases[:-1], last[-1]))
+        network = _single(activation, [*weights[:-1], last[:-1]], [*biases[:-1], last[-1]])
         ranges = parameter_ranges("wide", _MODE)
         return Surrogate(
             vehicle=self.vehicle,
@@ -135,23 +138,49 @@ class Subjects:
         """Return :meth:`plain` in C."""
         return NativeSurrogate(self.vehicle, _MODE, self.plain(hidden, activation))
 
-    def _training_rows(self, generator: np.random.Generator) -> tuple[FloatArray, np.ndarray]:
-        """Return driving rows of many grounds, and the run of each."""
-        ranges, top, count, samples = parameter_ranges("wide", _MODE), self.vehicle.training_speed, 40, 60
-        total = count * samples
-        vx, yaw_rate = generator.uniform(-0.7, 0.7, total) * top, generator.uniform(-0.1, 0.1, total) * top
+    def _slip_columns(self) -> FloatArray:
+        """Return the matrix that turns the belts' speeds into their slip, and leaves the other columns."""
+        half = self.vehicle.tread / 2
+        matrix = np.eye(self.structured.interface.size)
+        matrix[_VX, [_LEFT, _RIGHT]] = -1.0
+        matrix[_YAW_RATE, [_LEFT, _RIGHT]] = half, -half
+        return matrix
+
+    def training_rows(self, generator: np.random.Generator) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Return motions over ground like asphalt, shape (n, 10), and the run of each."""
+        top, count = self.vehicle.training_speed, _RUNS * _SAMPLES
+        theta = np.array(named("asphalt").parameters) * np.repeat(generator.uniform(0.8, 1.2, (_RUNS, 3)), _SAMPLES, 0)
+        vx, yaw_rate = generator.uniform(-0.1, 0.8, count) * top, generator.uniform(-0.06, 0.06, count) * top
         half = yaw_rate * self.vehicle.tread / 2
+        slip = generator.normal(0.0, 0.02 * top, (count, 2)) * generator.choice([0.2, 1.0, 3.0], (count, 1))
         motion = [
             vx,
-            generator.normal(0.0, 0.02 * top, total),
+            generator.normal(0.0, 0.01 * top, count),
             yaw_rate,
-            generator.normal(0.0, 1.5, total),
-            vx * yaw_rate + generator.normal(0.0, 0.5, total),
-            np.clip(vx - half + generator.normal(0.0, 0.05 * top, total), -top, top),
-            np.clip(vx + half + generator.normal(0.0, 0.05 * top, total), -top, top),
+            generator.normal(0.0, 1.0, count),
+            vx * yaw_rate + generator.normal(0.0, 0.3, count),
+            vx - half + slip[:, 0],
+            vx + half + slip[:, 1],
         ]
-        theta = [ranges.sample(generator).parameters for _ in range(count)]
-        return np.column_stack([*motion, np.repeat(theta, samples, axis=0)]), np.repeat(np.arange(count), samples)
+        return np.column_stack([*motion, theta]), np.repeat(np.arange(_RUNS), _SAMPLES)
+
+
+def _hidden_values(
+    activation: Activation, weights: Sequence[FloatArray], biases: Sequence[FloatArray], z: FloatArray
+) -> FloatArray:
+    """Return what the last layer gets: the output of a network that has the identity in its place."""
+    width = len(weights[-1])
+    network = _single(activation, [*weights[:-1], np.eye(width)], [*biases[:-1], np.zeros(width)])
+    values: FloatArray = network.forward(NUMPY_NETWORK, z)
+    return values
+
+
+def _single(activation: Activation, weights: Sequence[FloatArray], biases: Sequence[FloatArray]) -> DenseNetwork:
+    return DenseNetwork(
+        activation,
+        tuple(layer.astype(np.float32) for layer in weights),
+        tuple(layer.astype(np.float32) for layer in biases),
+    )
 
 
 def folded(surrogate: Surrogate) -> DenseNetwork:
@@ -165,8 +194,4 @@ def folded(surrogate: Surrogate) -> DenseNetwork:
     biases[0] = biases[0] - (inputs.mean / inputs.scale) @ weights[0]
     weights[0] = weights[0] / inputs.scale[:, None]
     weights[-1], biases[-1] = weights[-1] * outputs.scale, biases[-1] * outputs.scale + outputs.mean
-    return DenseNetwork(
-        network.activation,
-        tuple(layer.astype(np.float32) for layer in weights),
-        tuple(layer.astype(np.float32) for layer in biases),
-    )
+    return _single(network.activation, weights, biases)

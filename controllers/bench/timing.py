@@ -127,6 +127,7 @@ def measure(
     progress : callable
         Called with the rounds done and their number.
     """
+    progress(0, effort.rounds)
     running = list(contenders)
     calls = [_calls(contender.burst, effort.burst) for contender in running]
     times: list[list[float]] = [[] for _ in running]
