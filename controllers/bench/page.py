@@ -42,7 +42,7 @@ _PAPER: Final = (
 )
 _CEILING: Final = (
     "*At the bound* says what a kernel would reach that takes no longer than this core needs to read and multiply its "
-    "weights; a target above it cannot be met here."
+    "weights; a target above it is out of reach here, unless weights are left out, as those of units that are zero."
 )
 _IX: Final = (
     "", "paper, rigid", "over its physics", "paper, soil", "over its physics", "ours, in C", "over our SIMD physics",

@@ -146,8 +146,8 @@ def _derive(sections: dict[str, Section], calls: Calls) -> None:
     kilobytes = first_level_cache() // 1024
     bounds = Section(
         "ns, and shares of 1",
-        f"Every weight read once, from the first-level cache where all of them fit into its {kilobytes} kB and from the "
-        "second where not, and multiplied once, at the measured rates: nobody can take less than the longer of both.",
+        f"Every weight read once, {kilobytes} kB of them from the first-level cache and the others from the second, and "
+        "multiplied once, at the measured rates: who reads them all in float32 takes at least the longer of both.",
     )
     peaks = Section("share of 1", f"Batches of {BATCH}: operations over the measured multiply-add peak.")
     peak = rate(limits, PEAK)

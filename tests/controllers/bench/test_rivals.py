@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from grouser.controllers.bench import limits as limits_module
 from grouser.controllers.bench.absences import Absences
 from grouser.controllers.bench.calls import Calls
 from grouser.controllers.bench.compiled_rivals import PLAIN_FLAGS, plain_network, scalar_physics
 from grouser.controllers.bench.driving_network import driving_network
-from grouser.controllers.bench.limits import L1, L2, PEAK, Limits, bound, products
+from grouser.controllers.bench.limits import PEAK, READS, Limits, bound, products
 from grouser.controllers.bench.python_rivals import PythonRival, casadi_rival, numpy_rival, onnx_rivals, torch_rivals
 from grouser.controllers.bench.subjects import Subjects, folded
 from grouser.controllers.bench.timing import Effort, Section, measure
@@ -106,7 +107,7 @@ def test_the_limits_bound_a_network(toolchain: Toolchain, tmp_path: Path) -> Non
     measure(times, limits.contenders(), Effort(2, 1e-4), lambda *_: None)
     rates = limits.rates(times)
     assert not times.figures
-    assert set(rates.figures["this core"]) == {L1, L2, PEAK}
+    assert set(rates.figures["this core"]) == {*READS, PEAK}
     assert all(value > 0 for value in rates.figures["this core"].values())
     widths = (10, 64, 64, 3)
     assert products(widths) == 10 * 64 + 64 * 64 + 64 * 3
@@ -114,6 +115,16 @@ def test_the_limits_bound_a_network(toolchain: Toolchain, tmp_path: Path) -> Non
     assert found is not None
     assert found.least == max(found) > 0
     assert bound(Section("", ""), widths) is None
+
+
+def test_what_exceeds_the_first_cache_is_read_from_the_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits_module, "first_level_cache", lambda: 1000)
+    rates = Section("", "", {"this core": {**dict(zip(READS, (100.0, 50.0, 10.0), strict=True)), PEAK: 8.0}})
+    found = bound(rates, (9, 100, 2))
+    assert found is not None
+    size = 4 * (9 * 100 + 100 * 2 + 102)
+    assert found.read == pytest.approx(1000 / 100 + (size - 1000) / 10)
+    assert found.compute == pytest.approx(2 * 1100 / 8)
 
 
 def test_a_compiler_that_refuses_is_named(toolchain: Toolchain, tmp_path: Path) -> None:
