@@ -15,6 +15,7 @@ from .timing import Section
 
 # Okabe and Ito's colours, told apart without colour vision.
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999999", "#000000")
+_MARKERS: Final = "xsdv^*P"
 _IN_C: Final = (OURS, *PLAIN_FLAGS)
 _PHYSICS: Final = (("16x4", "float64", "--"), ("16x4", "float32", "-."), ("2x1", "float64", ":"))
 
@@ -50,7 +51,7 @@ def _draw_latency(axes: Any, sections: Mapping[str, Section]) -> None:
     rivals = list(dict.fromkeys(name for case in names for name in python.figures.get(case, {})))
     rivals = [name for name in rivals if name == "grouser, bound step()" or not name.startswith("grouser")]
     styles = [(in_c, name, "-", "o", "in C") for name in _IN_C]
-    styles += [(python, name, "none", "x", "from Python") for name in rivals]
+    styles += [(python, name, "none", marker, "from Python") for name, marker in zip(rivals, _MARKERS, strict=False)]
     for index, (section, name, line, marker, place) in enumerate(styles):
         points = [(names.index(case), value) for case in names if (value := section.get(case, name)) is not None]
         if points:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...terrain import ConfigurationError, write_aside, write_json
+from ...terrain import ConfigurationError, write_aside
 from .page import page, sections_of
 from .plots import pictures
 
@@ -44,7 +45,8 @@ def _write(document: Mapping[str, Any], data: Path, text: Path, pictured: Path) 
     except ConfigurationError as error:
         document = dict(document) | {"absent": {**document["absent"], "pictures": str(error)}}
     files = [write_aside(pictured / f"bench-{name}.png", picture) for name, picture in drawn.items()]
-    files.append(write_json(data, document))
+    # Not sorted: the tables of a page that is made from the file again keep their order.
+    files.append(write_aside(data, (json.dumps(document, indent=2, allow_nan=False) + "\n").encode()))
     places = {
         "data": data.relative_to(text.parent).as_posix(),
         "figures": (pictured.relative_to(text.parent) / "bench-").as_posix() if drawn else "",

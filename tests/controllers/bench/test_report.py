@@ -56,7 +56,9 @@ def test_the_folder_gets_data_page_and_pictures(tmp_path: Path) -> None:
     files = write_bench(tmp_path, document)
     names = {"bench.json", "bench.md", "bench-latency.png", "bench-environments.png"}
     assert {file.name for file in files} == names == {file.name for file in tmp_path.iterdir()}
-    assert json.loads((tmp_path / "bench.json").read_text(encoding="utf-8")) == document
+    read = json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))
+    assert page(read) == page(document)
+    assert read == document
     assert sections_of(document)["python"].get("64x64", "NumPy") == 4000.0
 
 
