@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final, Generic
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
@@ -82,6 +83,7 @@ class Batch(Generic[ConfigT, EpisodeT]):
         self.measures: Final[FloatArray] = np.zeros((count, len(task.measures)))
         self.terminated: Final[_Flags] = np.zeros(count, np.bool_)
         self.truncated: Final[_Flags] = np.zeros(count, np.bool_)
+        self._unbegun: _Flags = np.ones(count, np.bool_)
         self._actions = np.zeros((count, 2))
         self._poses = np.zeros((count, 3))
         self._memory = np.zeros((count, task.memory_size))
@@ -170,6 +172,7 @@ class Batch(Generic[ConfigT, EpisodeT]):
         self.fleet.set_state(index, start.state)
         self._memory[index] = self.task.remember(start.episode)
         self._episodes.begin(index)
+        self._unbegun[index] = False
 
     def step(self, actions: ArrayLike) -> None:
         """Hold an action of every vehicle that is not idle for one control period.
@@ -183,7 +186,11 @@ class Batch(Generic[ConfigT, EpisodeT]):
         ------
         InvalidInputError
             If the shape is another, or a number is not in [-1, 1]; nothing has moved then.
+        ResetNeeded
+            If a vehicle has no episode yet.
         """
+        if self._unbegun.any():
+            raise ResetNeeded("call reset() before step()")
         given = np.asarray(actions)
         if given.shape != self._actions.shape or given.dtype.kind not in "fiu":
             raise InvalidInputError(

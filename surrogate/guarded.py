@@ -89,6 +89,13 @@ class GuardedSurrogate(GuardedBackend):
         """Primary, detector and fallback as one compiled function; None where one of them is not compiled."""
         return self._compiled
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_compiled"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._compiled = self._compile()
+
     def forces(self, x: FloatArray) -> FloatArray:
         """Return [Qx, Qy, Mz], shape (3,) or (n, 3); see :meth:`GuardedBackend.forces`."""
         return super().forces(x) if self._compiled is None else self._compiled.forces(x)
