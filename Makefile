@@ -13,7 +13,7 @@ help:
 	@echo 'make sanitize  the tests of the C core under AddressSanitizer and UBSan'
 	@echo 'make lint   ruff, mypy, import directions'
 	@echo 'make validate  every check and study of the physics, into docs/validation/'
-	@echo 'make bench  force-call and tick times, into build/bench/'
+	@echo 'make bench  kernels, libraries, physics and environments timed, about 4 minutes, into build/bench/'
 	@echo 'make tick-study  order, error, chatter and stability of the tick, about 5 minutes, into build/tick/'
 demo: .venv/.native
 	$(BIN)/grouser demo --output build/demo
@@ -33,8 +33,8 @@ lint: .venv/.native
 	  PYTHONSAFEPATH=1 $(BIN)/lint-imports
 validate: .venv/.native
 	$(BIN)/grouser validate --output docs/validation
-bench: .venv/.native
-	$(BIN)/python -P benchmarks/force_call.py --output build/bench/force_call.json
+bench: .venv/.bench
+	$(BIN)/grouser bench --output build/bench
 tick-study: .venv/.native
 	$(BIN)/python -P benchmarks/tick_study.py --output build/tick
 
@@ -49,6 +49,9 @@ tick-study: .venv/.native
 	$(PIP) --no-build-isolation -e '.[all]'
 	mkdir -p build/typing/grouser && cd build/typing/grouser && ln -sfn $(PKGS:%=../../../%) . && \
 	  echo '__version__: str' > __init__.pyi && touch py.typed
+	touch $@
+.venv/.bench: .venv/.native
+	$(PIP) onnx onnxruntime
 	touch $@
 clean:
 	rm -rf .venv build dist

@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 
 from ..terrain import GrouserError
 from ._console import err, out
+from .bench import bench
 from .compare import compare
 from .data import data
 from .demo import demo
@@ -110,6 +111,7 @@ _VERBS: Final[tuple[tuple[Callable[..., None], str], ...]] = (
     (compare, "grouser compare --terrain asphalt,ice --controller mpc --artifact build/m113-rigid.safetensors"),
     (drive, "grouser drive --terrain lete-sand --controller mpc --backend physics --render build/drive.gif"),
     (validate, "grouser validate --output build/validation"),
+    (bench, "grouser bench --output build/bench"),
 )
 for verb, example in _VERBS:
     app.command(epilog=f"Example: {example}")(verb)

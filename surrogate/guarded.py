@@ -83,6 +83,11 @@ class GuardedSurrogate(GuardedBackend):
         gated = Gated(primary=primary.kernel, fallback=fallback.kernel, detector=self.surrogate.detector.compiled())
         return _CompiledGate(self.vehicle, self.mode, gated, domain="k must be positive")
 
+    @property
+    def compiled(self) -> CompiledBackend | None:
+        """Primary, detector and fallback as one compiled function; None where one of them is not compiled."""
+        return self._compiled
+
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "_compiled"}
 

@@ -47,6 +47,9 @@ class Kernel(Protocol):
     def bind(self, x: FloatArray, forces: FloatArray, jacobian: FloatArray = ..., /) -> Callable[[], None]:
         """Return a function that evaluates the rows held in the arrays."""
 
+    def time_calls(self, x: FloatArray, calls: int, want_jacobian: bool, /) -> float:
+        """Return ns a call, each waiting for the last, in turn on the rows."""
+
 
 class TrackKernel(Protocol):
     """A compiled force function that knows the tracks apart."""
