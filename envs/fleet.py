@@ -27,12 +27,11 @@ from ..terrain import (
     make_backend,
     resolve_ground,
     resolve_vehicle,
-    unknown_name,
 )
-from ..terrain.parameters import require_in
 from .engine import check_mode, compiled_ground, compiled_guard, compiled_kernel
-from .footing import GROUND_SAMPLINGS, GroundSampling
+from .footing import GroundSampling
 from .log import STATE_NAMES
+from .simulator import check_tick
 from .state import VehicleState
 from .tick import INTEGRATORS, Integrator, tolerance
 
@@ -131,16 +130,7 @@ class VehicleFleet:
         grounds = _grounds(ground, count)
         self.vehicle: Final = resolve_vehicle(vehicle)
         self.backend: Final = make_backend(backend, mode=grounds[0].mode, vehicle=self.vehicle)
-        if integrator not in INTEGRATORS:
-            raise unknown_name("integrator", integrator, INTEGRATORS)
-        if ground_sampling not in GROUND_SAMPLINGS:
-            raise unknown_name("ground sampling", ground_sampling, GROUND_SAMPLINGS)
-        if ground_sampling == "tracks" and not self.backend.has_track_forces:
-            raise ConfigurationError(
-                f"the {self.backend.name!r} backend gives the force of the whole vehicle: use ground_sampling='vehicle', "
-                "or a backend with has_track_forces, such as 'physics'"
-            )
-        require_in("tick", tick, 0.0, 1.0, low_open=True)
+        check_tick(self.backend, tick, integrator, ground_sampling)
         self.tick: Final = tick
         self.integrator: Final[Integrator] = integrator
         self.ground_sampling: Final[GroundSampling] = ground_sampling

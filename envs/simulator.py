@@ -110,16 +110,7 @@ class Simulator:
         self.vehicle: Final = resolve_vehicle(vehicle)
         self._ground = resolve_ground(ground)
         self.backend: Final = make_backend(backend, mode=self._ground.mode, vehicle=self.vehicle)
-        if integrator not in INTEGRATORS:
-            raise unknown_name("integrator", integrator, INTEGRATORS)
-        if ground_sampling not in GROUND_SAMPLINGS:
-            raise unknown_name("ground sampling", ground_sampling, GROUND_SAMPLINGS)
-        if ground_sampling == "tracks" and not self.backend.has_track_forces:
-            raise ConfigurationError(
-                f"the {self.backend.name!r} backend gives the force of the whole vehicle: use ground_sampling='vehicle', "
-                "or a backend with has_track_forces, such as 'physics'"
-            )
-        require_in("tick", tick, 0.0, 1.0, low_open=True)
+        check_tick(self.backend, tick, integrator, ground_sampling)
         self.ground_sampling: Final[GroundSampling] = ground_sampling
         self.tick: Final = tick
         self.integrator: Final[Integrator] = integrator
@@ -236,3 +227,25 @@ class Simulator:
             time=start.time + self.tick,
             guard=guard,
         )
+
+
+def check_tick(backend: ForceBackend, tick: float, integrator: str, ground_sampling: str) -> None:
+    """Raise unless a vehicle on the backend can be moved by such ticks.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name is unknown, or the backend does not know the tracks apart and the ground is to be sampled at each.
+    InvalidInputError
+        If the tick is not in (0, 1] s.
+    """
+    if integrator not in INTEGRATORS:
+        raise unknown_name("integrator", integrator, INTEGRATORS)
+    if ground_sampling not in GROUND_SAMPLINGS:
+        raise unknown_name("ground sampling", ground_sampling, GROUND_SAMPLINGS)
+    if ground_sampling == "tracks" and not backend.has_track_forces:
+        raise ConfigurationError(
+            f"the {backend.name!r} backend gives the force of the whole vehicle: use ground_sampling='vehicle', "
+            "or a backend with has_track_forces, such as 'physics'"
+        )
+    require_in("tick", tick, 0.0, 1.0, low_open=True)
