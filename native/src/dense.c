@@ -9,13 +9,14 @@
 enum { SUMS = GROUSER_FLOATS == 16 ? 16 : 8 };
 
 /* One input at a time against a row of outputs, even and odd inputs in sums of their own: half the wait for each
- * other, and the same additions at every number of vectors. `rows` inputs, GROUSER_MAX_WIDTH apart, share the weights. */
+ * other, and the same additions at every number of vectors. `rows` inputs, GROUSER_MAX_WIDTH apart, share the weights;
+ * the first of every `group` has the bias, the others are derivatives. */
 GROUSER_INLINE void affine_vectors(const float *weights, size_t stride, const float *bias, const float *in, int inputs,
-                                   float *out, const int rows, const int vectors) {
+                                   float *out, const int rows, const int group, const int vectors) {
   grouser_lanes even[SUMS / 2], odd[SUMS / 2];
   GROUSER_UNROLL
   for (int s = 0; s < rows * vectors; s++) {
-    even[s] = lanes_load(bias + s % vectors * GROUSER_FLOATS);
+    even[s] = s / vectors % group == 0 ? lanes_load(bias + s % vectors * GROUSER_FLOATS) : lanes_of(0.0f);
     odd[s] = lanes_of(0.0f);
   }
   int i = 0;
@@ -105,18 +106,18 @@ static void affine_active(const float *weights, const float *bias, const float *
 }
 
 GROUSER_INLINE void affine_rows(const float *weights, const float *bias, const float *in, int inputs, float *out,
-                                int outputs, const int rows) {
+                                int outputs, const int rows, const int group) {
   enum { MOST = SUMS / 2 };
   const int stride = grouser_padded(outputs), most = MOST / rows;
   int done = 0;
   for (; done + most * GROUSER_FLOATS <= stride; done += most * GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, most);
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, most);
   for (; done + 4 * GROUSER_FLOATS <= stride && most > 4; done += 4 * GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, most > 4 ? 4 : 1);
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, most > 4 ? 4 : 1);
   for (; done + 2 * GROUSER_FLOATS <= stride && most > 2; done += 2 * GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, most > 2 ? 2 : 1);
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, most > 2 ? 2 : 1);
   for (; done < stride; done += GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, 1);
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, 1);
 }
 
 /* The activation of z, and its derivative. A NaN stays one. */
@@ -172,12 +173,12 @@ GROUSER_INLINE void forward_rows(const grouser_dense *net, const float *inputs, 
     if (rows == 1 && layer > 0 && net->activation == GROUSER_RELU)
       affine_active(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width);
     else
-      affine_rows(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, rows);
+      affine_rows(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, rows, 1);
     activate_rows(net->activation, next, slopes ? slopes[0][layer] : NULL, slopes && rows > 1 ? slopes[1][layer] : NULL,
                   grouser_padded(width), rows);
     value = next;
   }
-  affine_rows(net->weights[last], net->biases[last], value, net->widths[last], outputs, net->widths[net->layers], rows);
+  affine_rows(net->weights[last], net->biases[last], value, net->widths[last], outputs, net->widths[net->layers], rows, 1);
 }
 
 void grouser_dense_forward(const grouser_dense *net, const float *inputs, float *outputs, grouser_slopes *slopes) {
@@ -186,6 +187,34 @@ void grouser_dense_forward(const grouser_dense *net, const float *inputs, float 
 
 void grouser_dense_forward_pair(const grouser_dense *net, const float *inputs, float *outputs, grouser_slopes *slopes) {
   forward_rows(net, inputs, outputs, slopes, 2);
+}
+
+enum { DUAL_ROWS = 1 + GROUSER_SEEDS };
+
+void grouser_dense_dual(const grouser_dense *net, const float *in, float *out) {
+  float buffer[2][DUAL_ROWS * GROUSER_MAX_WIDTH];
+  const float *value = in;
+  const int last = net->layers - 1;
+  for (int layer = 0; layer <= last; layer++) {
+    const int width = net->widths[layer + 1];
+    float *next = layer == last ? out : buffer[layer % 2];
+    affine_rows(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, DUAL_ROWS, DUAL_ROWS);
+    for (int n = 0; layer < last && n < grouser_padded(width); n += GROUSER_FLOATS) {
+      grouser_lanes slope;
+      const grouser_lanes z = lanes_load(next + n);
+      if (net->activation == GROUSER_RELU)
+        lanes_store(next + n, activated(GROUSER_RELU, z, &slope));
+      else if (net->activation == GROUSER_SILU)
+        lanes_store(next + n, activated(GROUSER_SILU, z, &slope));
+      else
+        lanes_store(next + n, activated(GROUSER_TANH, z, &slope));
+      for (int d = 1; d < DUAL_ROWS; d++) {
+        float *by = next + d * GROUSER_MAX_WIDTH + n;
+        lanes_store(by, slope * lanes_load(by));
+      }
+    }
+    value = next;
+  }
 }
 
 /* The seeds share every load of a weight. */

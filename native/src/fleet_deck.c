@@ -91,13 +91,22 @@ static void newton_step(grouser_deck *deck, const grouser_vehicle *vehicle, doub
   }
 }
 
+/* Up to as many lanes, one by one costs less than a whole block: to the same bits. */
+enum { FEW_LANES = 4 };
+
 /* An explicit step goes without, save that a primary whose slopes are not finite has failed. */
 static int wants_slopes(const grouser_plant *plant) { return plant->integrator != GROUSER_EULER || plant->guard; }
+
+static int busy_lanes(const grouser_deck *deck) {
+  int busy = 0;
+  for (int l = 0; l < GROUSER_BLOCK; l++) busy += deck->active[l] != 0;
+  return busy;
+}
 
 void grouser_deck_evaluate(grouser_deck *deck, const grouser_plant *plant) {
   const grouser_kernel *kernel = deck->kernel;
   const int split = plant->sampling.tracks, want_slopes = wants_slopes(plant);
-  if (kernel->evaluate_block)
+  if (kernel->evaluate_block && !(kernel->evaluate_body && busy_lanes(deck) <= FEW_LANES))
     kernel->evaluate_block(kernel->self, &deck->left, split ? &deck->right : &deck->left, want_slopes, &deck->forces);
   else
     evaluate_lanes(deck, split, want_slopes);

@@ -49,6 +49,12 @@ static void mlp_evaluate_block(const void *net, const grouser_block_rows *left, 
   grouser_mlp_block((const grouser_mlp *)net, left, want_slopes, out);
 }
 
+static void mlp_evaluate_body(const void *net, const double *left, const double *right, double *forces,
+                              double slopes[GROUSER_OUTPUTS][3]) {
+  (void)right;
+  grouser_mlp_body((const grouser_mlp *)net, left, forces, slopes);
+}
+
 static void mlp_evaluate_rows(const void *net, const double *x, ptrdiff_t rows, double *forces) {
   grouser_mlp_rows((const grouser_mlp *)net, x, rows, forces);
 }
@@ -63,7 +69,8 @@ static const char *mlp_refuses(const void *self, const double *x) {
 static grouser_kernel mlp_kernel(grouser_mlp *net) {
   grouser_mlp_prepare(net);
   const grouser_kernel kernel = {
-      net, net->dense.widths[0], mlp_evaluate, mlp_refuses, NULL, mlp_evaluate_block, mlp_evaluate_rows, NULL};
+      net, net->dense.widths[0], mlp_evaluate, mlp_refuses, NULL, mlp_evaluate_block, mlp_evaluate_rows,
+      mlp_evaluate_body};
   return kernel;
 }
 
@@ -78,6 +85,11 @@ static void track_net_evaluate_track(const void *net, const double *x, int side,
 static void track_net_evaluate_block(const void *net, const grouser_block_rows *left, const grouser_block_rows *right,
                                      int want_slopes, grouser_block_forces *out) {
   grouser_track_net_block((const grouser_track_net *)net, left, right, want_slopes, out);
+}
+
+static void track_net_evaluate_body(const void *net, const double *left, const double *right, double *forces,
+                                    double slopes[GROUSER_OUTPUTS][3]) {
+  grouser_track_net_body((const grouser_track_net *)net, left, right, forces, slopes);
 }
 
 static void track_net_evaluate_rows(const void *self, const double *x, ptrdiff_t rows, double *forces) {
@@ -108,7 +120,7 @@ static grouser_kernel track_net_kernel(grouser_track_net *net) {
                                  track_net_evaluate_track,
                                  track_net_evaluate_block,
                                  track_net_evaluate_rows,
-                                 NULL};
+                                 track_net_evaluate_body};
   return kernel;
 }
 

@@ -25,6 +25,23 @@ void grouser_mlp_forces(const grouser_mlp *net, const double *x, double force[GR
       jacobian[n * inputs + i] = net->output_scale[n] * (double)rows[n * GROUSER_MAX_WIDTH + i] * net->input_gain[i];
 }
 
+void grouser_mlp_body(const grouser_mlp *net, const double *x, double force[GROUSER_OUTPUTS],
+                      double slope[GROUSER_OUTPUTS][3]) {
+  float in[(1 + GROUSER_SEEDS) * GROUSER_MAX_WIDTH], out[(1 + GROUSER_SEEDS) * GROUSER_MAX_WIDTH];
+  const int inputs = net->dense.widths[0];
+  for (int i = 0; i < inputs; i++) {
+    in[i] = (float)((x[i] - net->input_mean[i]) * net->input_gain[i]);
+    for (int d = 0; d < GROUSER_SEEDS; d++)
+      in[(1 + d) * GROUSER_MAX_WIDTH + i] = d == i ? (float)net->input_gain[i] : 0.0f;
+  }
+  grouser_dense_dual(&net->dense, in, out);
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) {
+    force[n] = net->output_mean[n] + net->output_scale[n] * (double)out[n];
+    for (int d = 0; slope && d < GROUSER_SEEDS; d++)
+      slope[n][d] = net->output_scale[n] * (double)out[(1 + d) * GROUSER_MAX_WIDTH + n];
+  }
+}
+
 void grouser_mlp_block(const grouser_mlp *net, const grouser_block_rows *rows, int want_slopes,
                        grouser_block_forces *out) {
   float in[GROUSER_MAX_COLUMNS * GROUSER_DUAL], result[GROUSER_PANEL * GROUSER_DUAL];

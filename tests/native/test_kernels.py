@@ -177,6 +177,20 @@ def test_forces_of_a_body_come_with_its_share_of_the_jacobian(name: str, mode: M
         np.testing.assert_allclose(slopes, expected, rtol=1e-12, atol=1e-9 * np.abs(expected).max())
 
 
+@every_mode
+@every_network
+def test_a_body_alone_is_a_lane_of_a_block_to_the_bit(name: str, mode: Mode) -> None:
+    backend, left = compiled(name, mode), rows(mode, BLOCK, 19)
+    right = left.copy()
+    if name == "structured":
+        right[:, 7:] = rows(mode, BLOCK, 20)[:, 7:]
+    forces, slopes = block_forces(backend.kernel, left, right, slopes=True)
+    for lane in range(BLOCK):
+        alone, alone_slopes = body_forces(backend.kernel, left[lane], right[lane])
+        np.testing.assert_array_equal(alone, forces[lane])
+        np.testing.assert_array_equal(alone_slopes, slopes[lane])
+
+
 # --- bound arrays
 
 

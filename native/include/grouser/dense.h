@@ -36,6 +36,10 @@ GROUSER_CORE void grouser_dense_forward(const grouser_dense *net, const float *i
 GROUSER_CORE void grouser_dense_forward_pair(const grouser_dense *net, const float *inputs, float *outputs,
                                              grouser_slopes *slopes);
 
+/* A value and its derivatives in three directions: four rows, GROUSER_MAX_WIDTH apart. The same to the bit as a lane of
+ * grouser_dense_block. */
+GROUSER_CORE void grouser_dense_dual(const grouser_dense *net, const float *in, float *out);
+
 /* For three rows of seeds over the outputs, writes three rows of seeds' derivatives by the inputs; rows are
  * GROUSER_MAX_WIDTH apart, and `rows` is overwritten on the way. */
 GROUSER_CORE void grouser_dense_backward(const grouser_dense *net, grouser_slopes slopes,

@@ -22,6 +22,9 @@ GROUSER_CORE void grouser_mlp_prepare(grouser_mlp *net);
  */
 GROUSER_CORE void grouser_mlp_forces(const grouser_mlp *net, const double *x, double force[GROUSER_OUTPUTS],
                                      double *jacobian);
+/* As evaluate_body of a grouser_kernel, the same to the bit as the block. */
+GROUSER_CORE void grouser_mlp_body(const grouser_mlp *net, const double *x, double force[GROUSER_OUTPUTS],
+                                   double slope[GROUSER_OUTPUTS][3]);
 /* As evaluate_block of a grouser_kernel; a plain network has one row for both tracks, the left one. */
 GROUSER_CORE void grouser_mlp_block(const grouser_mlp *net, const grouser_block_rows *rows, int want_slopes,
                                     grouser_block_forces *out);

@@ -34,7 +34,9 @@ GROUSER_CORE void grouser_track_net_track(const grouser_track_net *net, const do
                                           double force[GROUSER_OUTPUTS], double *jacobian);
 GROUSER_CORE void grouser_track_net_forces(const grouser_track_net *net, const double *x, double force[GROUSER_OUTPUTS],
                                            double *jacobian);
-/* As evaluate_block of a grouser_kernel. */
+/* As evaluate_body and evaluate_block of a grouser_kernel, the same to the bit. */
+GROUSER_CORE void grouser_track_net_body(const grouser_track_net *net, const double *left, const double *right,
+                                         double force[GROUSER_OUTPUTS], double slope[GROUSER_OUTPUTS][3]);
 GROUSER_CORE void grouser_track_net_block(const grouser_track_net *net, const grouser_block_rows *left,
                                           const grouser_block_rows *right, int want_slopes,
                                           grouser_block_forces *out);
