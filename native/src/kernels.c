@@ -9,6 +9,7 @@
 #include "dense.c"
 #include "mlp.c"
 #include "track_net.c"
+#include "track_net_body.c"
 #include "track_net_block.c"
 #include "detector.c"
 #include "gated.c"
