@@ -23,7 +23,6 @@ from ..terrain import (
     SoilTerrain,
     SwitchingPolicy,
     TerrainField,
-    interface,
 )
 
 #: Samples that the compiled guard remembers.
@@ -31,32 +30,15 @@ MAXIMUM_ENTRY_WINDOW: Final = 32
 
 
 @runtime_checkable
-class BoxDistanceDetector(Protocol):
-    """A detector that is a box and a Mahalanobis distance, known by its numbers."""
+class CompilableDetector(Protocol):
+    """A detector that hands out its compiled form."""
 
     @property
     def mode(self) -> Mode:
         """Terrain mode."""
 
-    @property
-    def low(self) -> FloatArray:
-        """Lower bounds of the box."""
-
-    @property
-    def high(self) -> FloatArray:
-        """Upper bounds of the box."""
-
-    @property
-    def center(self) -> FloatArray:
-        """Where the distance is 0."""
-
-    @property
-    def whitening(self) -> FloatArray:
-        """W of the distance ‖W (x − center)‖."""
-
-    @property
-    def threshold(self) -> float:
-        """Distance that scores 1."""
+    def compiled(self) -> Detector:
+        """Return the compiled detector."""
 
 
 class CompiledGround(NamedTuple):
@@ -107,19 +89,12 @@ def compiled_guard(backend: ForceBackend) -> dict[str, Any]:
 
 
 def _compiled_detector(detector: object, mode: Mode) -> Detector:
-    if not isinstance(detector, BoxDistanceDetector) or detector.mode != mode:
+    if not isinstance(detector, CompilableDetector) or detector.mode != mode:
         raise ConfigurationError(
             f"the compiled guard knows a box and a Mahalanobis distance in {mode} ground, not a "
             f"{type(detector).__name__}: use a BoxMahalanobisDetector of that mode, or the Simulator"
         )
-    return Detector(
-        columns=interface(mode).size,
-        low=detector.low,
-        high=detector.high,
-        center=detector.center,
-        whitening=detector.whitening,
-        threshold=detector.threshold,
-    )
+    return detector.compiled()
 
 
 def _compiled_policy(policy: SwitchingPolicy) -> tuple[int, int, float, float, float, int]:

@@ -201,13 +201,7 @@ void grouser_dense_dual(const grouser_dense *net, const float *in, float *out) {
     affine_rows(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, DUAL_ROWS, DUAL_ROWS);
     for (int n = 0; layer < last && n < grouser_padded(width); n += GROUSER_FLOATS) {
       grouser_lanes slope;
-      const grouser_lanes z = lanes_load(next + n);
-      if (net->activation == GROUSER_RELU)
-        lanes_store(next + n, activated(GROUSER_RELU, z, &slope));
-      else if (net->activation == GROUSER_SILU)
-        lanes_store(next + n, activated(GROUSER_SILU, z, &slope));
-      else
-        lanes_store(next + n, activated(GROUSER_TANH, z, &slope));
+      lanes_store(next + n, activated(net->activation, lanes_load(next + n), &slope));
       for (int d = 1; d < DUAL_ROWS; d++) {
         float *by = next + d * GROUSER_MAX_WIDTH + n;
         lanes_store(by, slope * lanes_load(by));
@@ -259,107 +253,4 @@ void grouser_dense_backward(const grouser_dense *net, grouser_slopes slopes,
     to = swap;
   }
   if (from != rows) memcpy(rows, back, sizeof back);
-}
-
-/* A tile of out[o][..] = sum over i of weights[i][o] * in[i][..], with bias[o] added in the first `biased` vectors: one
- * broadcast weight serves `vectors` products, and the additions are those of affine_vectors. */
-GROUSER_INLINE void tile(const float *weights, size_t stride, const float *bias, int biased, const float *in,
-                         size_t columns, int inputs, float *out, const int outputs, const int vectors) {
-  grouser_lanes even[SUMS / 2], odd[SUMS / 2];
-  GROUSER_UNROLL
-  for (int o = 0; o < outputs; o++)
-    GROUSER_UNROLL
-    for (int v = 0; v < vectors; v++) {
-      even[o * vectors + v] = lanes_of(v < biased ? bias[o] : 0.0f);
-      odd[o * vectors + v] = lanes_of(0.0f);
-    }
-  int i = 0;
-  for (; i + 1 < inputs; i += 2) {
-    const float *row = weights + (size_t)i * stride, *value = in + (size_t)i * columns;
-    GROUSER_UNROLL
-    for (int o = 0; o < outputs; o++) {
-      const grouser_lanes first = lanes_of(row[o]), second = lanes_of(row[stride + (size_t)o]);
-      GROUSER_UNROLL
-      for (int v = 0; v < vectors; v++) {
-        const int s = o * vectors + v;
-        even[s] = lanes_fma(lanes_load(value + v * GROUSER_FLOATS), first, even[s]);
-        odd[s] = lanes_fma(lanes_load(value + columns + v * GROUSER_FLOATS), second, odd[s]);
-      }
-    }
-  }
-  if (i < inputs)
-    GROUSER_UNROLL
-    for (int o = 0; o < outputs; o++) {
-      const grouser_lanes last = lanes_of(weights[(size_t)i * stride + (size_t)o]);
-      GROUSER_UNROLL
-      for (int v = 0; v < vectors; v++)
-        even[o * vectors + v] =
-            lanes_fma(lanes_load(in + (size_t)i * columns + v * GROUSER_FLOATS), last, even[o * vectors + v]);
-    }
-  GROUSER_UNROLL
-  for (int o = 0; o < outputs; o++)
-    GROUSER_UNROLL
-    for (int v = 0; v < vectors; v++)
-      lanes_store(out + (size_t)o * columns + v * GROUSER_FLOATS, even[o * vectors + v] + odd[o * vectors + v]);
-}
-
-/* Tiles of `tall` outputs, a divisor of GROUSER_PANEL, by `wide` vectors, a divisor of the columns. */
-GROUSER_INLINE void affine_columns(const float *weights, const float *bias, const float *in, int inputs, float *out,
-                                   int outputs, int columns, int biased, const int tall, const int wide) {
-  const size_t stride = (size_t)grouser_padded(outputs), row = (size_t)columns;
-  for (int c = 0; c < columns; c += wide * GROUSER_FLOATS)
-    for (int o = 0; o < outputs; o += tall)
-      tile(weights + o, stride, bias + o, (biased - c) / GROUSER_FLOATS, in + c, row, inputs,
-           out + (size_t)o * row + (size_t)c, tall, wide);
-}
-
-/* The duals of a block are one tile wide where a block is one vector. */
-enum { WIDE = 2, DUAL_WIDE = GROUSER_FLOATS == 16 ? 4 : WIDE };
-
-void grouser_dense_batch(const grouser_dense *net, const float *in, int count, float *out, float *scratch) {
-  const int last = net->layers - 1, wide = WIDE * GROUSER_FLOATS;
-  const float *value = in;
-  for (int layer = 0; layer <= last; layer++) {
-    const int inputs = net->widths[layer], outputs = net->widths[layer + 1];
-    float *next = layer == last ? out : scratch + (size_t)(layer % 2) * (size_t)(net->widest * count);
-    if (count % wide == 0)
-      affine_columns(net->weights[layer], net->biases[layer], value, inputs, next, outputs, count, count,
-                     SUMS / 2 / WIDE, WIDE);
-    else
-      affine_columns(net->weights[layer], net->biases[layer], value, inputs, next, outputs, count, count,
-                     SUMS / 2, 1);
-    if (layer < last) activate_rows(net->activation, next, NULL, NULL, outputs * count, 1);
-    value = next;
-  }
-}
-
-GROUSER_INLINE void activate_duals(const enum grouser_activation kind, float *rows, int width) {
-  for (int n = 0; n < width; n++)
-    for (int l = 0; l < GROUSER_BLOCK; l += GROUSER_FLOATS) {
-      float *row = rows + (size_t)n * GROUSER_DUAL + l;
-      grouser_lanes slope;
-      lanes_store(row, activated(kind, lanes_load(row), &slope));
-      for (int d = 1; d <= GROUSER_SEEDS; d++)
-        lanes_store(row + d * GROUSER_BLOCK, slope * lanes_load(row + d * GROUSER_BLOCK));
-    }
-}
-
-void grouser_dense_block(const grouser_dense *net, const float *in, float *out, float *scratch) {
-  const int last = net->layers - 1;
-  const float *value = in;
-  for (int layer = 0; layer <= last; layer++) {
-    const int width = net->widths[layer + 1];
-    float *next = layer == last ? out : scratch + (size_t)(layer % 2) * (size_t)(net->widest * GROUSER_DUAL);
-    affine_columns(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, GROUSER_DUAL,
-                   GROUSER_BLOCK, SUMS / 2 / DUAL_WIDE, DUAL_WIDE);
-    if (layer < last) {
-      if (net->activation == GROUSER_RELU)
-        activate_duals(GROUSER_RELU, next, width);
-      else if (net->activation == GROUSER_SILU)
-        activate_duals(GROUSER_SILU, next, width);
-      else
-        activate_duals(GROUSER_TANH, next, width);
-    }
-    value = next;
-  }
 }

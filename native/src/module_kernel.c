@@ -40,33 +40,55 @@ static void evaluate_rows(const grouser_kernel *kernel, const double *x, Py_ssiz
                      jacobian ? jacobian + row * GROUSER_OUTPUTS * kernel->columns : NULL);
 }
 
-static PyObject *call(const grouser_kernel *kernel, PyObject *const *arguments, int want_jacobian) {
-  grouser_array x, forces, jacobian = {.data = NULL};
+/* Rows and what is written for them: x, forces and, if there are three, the jacobian. */
+typedef struct {
+  grouser_array x, forces, jacobian;
+  int held;
+} call_arrays;
+
+static void release_arrays(call_arrays *arrays) {
+  grouser_array *each[] = {&arrays->x, &arrays->forces, &arrays->jacobian};
+  for (int n = 0; n < arrays->held; n++) grouser_array_release(each[n]);
+  arrays->held = 0;
+}
+
+/* Acquires `count` arrays for a kernel and returns 0, or raises and returns -1, holding none. */
+static int hold_arrays(const grouser_kernel *kernel, PyObject *const *arguments, Py_ssize_t count,
+                       call_arrays *arrays) {
+  static const char *const names[] = {"x", "forces", "jacobian"};
+  grouser_array *each[] = {&arrays->x, &arrays->forces, &arrays->jacobian};
+  const Py_ssize_t row_sizes[] = {kernel->columns, GROUSER_OUTPUTS, GROUSER_OUTPUTS * kernel->columns};
+  arrays->held = 0;
+  arrays->jacobian.data = NULL;
+  for (int n = 0; n < count; n++) {
+    if (grouser_array_acquire(arguments[n], names[n], row_sizes[n], n > 0, each[n]) < 0) goto refused;
+    arrays->held = n + 1;
+    if (n > 0 && !grouser_same_rows(each[0], each[n], names[n])) goto refused;
+    for (int other = 0; other < n; other++)
+      if (grouser_arrays_overlap(each[other], each[n], names[n])) goto refused;
+  }
+  return 0;
+refused:
+  release_arrays(arrays);
+  return -1;
+}
+
+static PyObject *call(const grouser_kernel *kernel, PyObject *const *arguments, Py_ssize_t count) {
+  call_arrays arrays;
   PyObject *result = NULL;
-  if (grouser_array_acquire(arguments[0], "x", kernel->columns, 0, &x) < 0) return NULL;
-  if (grouser_array_acquire(arguments[1], "forces", GROUSER_OUTPUTS, 1, &forces) < 0) goto release_x;
-  if (want_jacobian &&
-      grouser_array_acquire(arguments[2], "jacobian", GROUSER_OUTPUTS * kernel->columns, 1, &jacobian) < 0)
-    goto release_forces;
-  if (grouser_same_rows(&x, &forces, "forces") && (!want_jacobian || grouser_same_rows(&x, &jacobian, "jacobian")) &&
-      !grouser_arrays_overlap(&x, &forces, "forces") &&
-      (!want_jacobian ||
-       (!grouser_arrays_overlap(&x, &jacobian, "jacobian") && !grouser_arrays_overlap(&forces, &jacobian, "jacobian"))) &&
-      !grouser_kernel_refuses(kernel, &x)) {
-    if (x.rows >= GROUSER_BATCH_ROWS) {
+  if (hold_arrays(kernel, arguments, count, &arrays) < 0) return NULL;
+  const Py_ssize_t rows = arrays.x.rows;
+  if (!grouser_kernel_refuses(kernel, &arrays.x)) {
+    if (rows >= GROUSER_BATCH_ROWS) {
       Py_BEGIN_ALLOW_THREADS
-      evaluate_rows(kernel, x.data, x.rows, forces.data, jacobian.data);
+      evaluate_rows(kernel, arrays.x.data, rows, arrays.forces.data, arrays.jacobian.data);
       Py_END_ALLOW_THREADS
     } else {
-      evaluate_rows(kernel, x.data, x.rows, forces.data, jacobian.data);
+      evaluate_rows(kernel, arrays.x.data, rows, arrays.forces.data, arrays.jacobian.data);
     }
     result = Py_NewRef(Py_None);
   }
-  if (want_jacobian) grouser_array_release(&jacobian);
-release_forces:
-  grouser_array_release(&forces);
-release_x:
-  grouser_array_release(&x);
+  release_arrays(&arrays);
   return result;
 }
 
@@ -77,11 +99,11 @@ static int takes(Py_ssize_t count, Py_ssize_t least, Py_ssize_t most, const char
 }
 
 PyObject *grouser_object_forces(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
-  return takes(count, 2, 2, "forces") ? call(kernel_of(self), arguments, 0) : NULL;
+  return takes(count, 2, 2, "forces") ? call(kernel_of(self), arguments, count) : NULL;
 }
 
 PyObject *grouser_object_forces_and_jacobian(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {
-  return takes(count, 3, 3, "forces_and_jacobian") ? call(kernel_of(self), arguments, 1) : NULL;
+  return takes(count, 3, 3, "forces_and_jacobian") ? call(kernel_of(self), arguments, count) : NULL;
 }
 
 static void evaluate_tracks(const grouser_kernel *kernel, const grouser_array *left, const grouser_array *right,
@@ -140,16 +162,16 @@ PyObject *grouser_object_capsule(PyObject *self, void *unused) {
 typedef struct {
   PyObject_HEAD
   PyObject *owner;
-  grouser_array x, forces, jacobian;
-  int held;
+  call_arrays arrays;
 } bound_object;
 
 static PyObject *bound_step(PyObject *self, PyObject *unused) {
   (void)unused;
   const bound_object *bound = (const bound_object *)self;
   const grouser_kernel *kernel = kernel_of(bound->owner);
-  if (grouser_kernel_refuses(kernel, &bound->x)) return NULL;
-  evaluate_rows(kernel, bound->x.data, bound->x.rows, bound->forces.data, bound->held > 2 ? bound->jacobian.data : NULL);
+  const call_arrays *arrays = &bound->arrays;
+  if (grouser_kernel_refuses(kernel, &arrays->x)) return NULL;
+  evaluate_rows(kernel, arrays->x.data, arrays->x.rows, arrays->forces.data, arrays->jacobian.data);
   return Py_NewRef(Py_None);
 }
 
@@ -159,8 +181,7 @@ static PyMethodDef bound_call = {"step", bound_step, METH_NOARGS,
 static void bound_dealloc(PyObject *self) {
   PyTypeObject *type = Py_TYPE(self);
   bound_object *bound = (bound_object *)self;
-  grouser_array *arrays[] = {&bound->x, &bound->forces, &bound->jacobian};
-  for (int n = 0; n < bound->held; n++) grouser_array_release(arrays[n]);
+  release_arrays(&bound->arrays);
   Py_XDECREF(bound->owner);
   freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
   release(self);
@@ -193,25 +214,10 @@ PyObject *grouser_object_bind(PyObject *self, PyObject *const *arguments, Py_ssi
   Py_DECREF(type);
   if (!bound) return NULL;
   PyObject *step = NULL;
-  if (grouser_array_acquire(arguments[0], "x", kernel->columns, 0, &bound->x) < 0) goto done;
-  bound->held = 1;
-  if (grouser_array_acquire(arguments[1], "forces", GROUSER_OUTPUTS, 1, &bound->forces) < 0) goto done;
-  bound->held = 2;
-  if (!grouser_same_rows(&bound->x, &bound->forces, "forces") ||
-      grouser_arrays_overlap(&bound->x, &bound->forces, "forces"))
-    goto done;
-  if (count > 2) {
-    if (grouser_array_acquire(arguments[2], "jacobian", GROUSER_OUTPUTS * kernel->columns, 1, &bound->jacobian) < 0)
-      goto done;
-    bound->held = 3;
-    if (!grouser_same_rows(&bound->x, &bound->jacobian, "jacobian") ||
-        grouser_arrays_overlap(&bound->x, &bound->jacobian, "jacobian") ||
-        grouser_arrays_overlap(&bound->forces, &bound->jacobian, "jacobian"))
-      goto done;
+  if (hold_arrays(kernel, arguments, count, &bound->arrays) == 0) {
+    bound->owner = Py_NewRef(self);
+    step = PyCFunction_New(&bound_call, (PyObject *)bound);
   }
-  bound->owner = Py_NewRef(self);
-  step = PyCFunction_New(&bound_call, (PyObject *)bound);
-done:
   Py_DECREF(bound);
   return step;
 }
