@@ -22,7 +22,7 @@ WHEEL_REQUIRED = (
     r"grouser/cli/__init__\.py",
 )
 WHEEL_ALLOWED = (
-    r"grouser/(.*\.(py|pyi|typed|toml|safetensors|h|so|pyd))|grouser/native/src/(?!module)\w+\.[ch]"
+    r"grouser/(.*\.(py|pyi|typed|toml|yml|safetensors|h|so|pyd))|grouser/native/src/(?!module)\w+\.[ch]"
     r"|grouser/surrogate/export/templates/\w+\.(c|h|cpp|txt|md)|grouser-[^/]+\.dist-info/.*"
 )
 SOURCE_REQUIRED = (
@@ -36,7 +36,7 @@ SOURCE_REQUIRED = (
     r"surrogate/artifacts/m113-rigid\.safetensors",
 )
 SOURCE_ALLOWED = (
-    r"(envs|terrain|surrogate|controllers|native|cli|tests|docs|examples)/.*\.(py|pyi|toml|safetensors|c|cpp|h|txt|md|json)"
+    r"(envs|terrain|surrogate|controllers|native|cli|tests|docs|examples)/.*\.(py|pyi|toml|yml|safetensors|c|cpp|h|txt|md|json)"
     r"|(pyproject\.toml|constraints\.txt|Makefile|LICENSE|PKG-INFO|(README|CHANGELOG|CONTRIBUTING)\.md)"
 )
 MAXIMUM_BYTES = 2_000_000

@@ -17,7 +17,7 @@ SOURCES = sorted(file for room in ROOMS for file in (ROOT / room).rglob("*.py"))
 # Optional packages, each loaded where it is first needed.
 EXTRAS = (
     "torch", "pyarrow", "joblib", "casadi", "stable_baselines3", "sb3_contrib", "pygame", "matplotlib", "jinja2",
-    "pandas", "scipy",
+    "pandas", "scipy", "highway_env", "minari", "optuna", "yaml", "imageio",
 )  # fmt: skip
 
 
