@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,16 +12,10 @@ from .backend import ForceBackend
 from .errors import InvalidInputError
 from .interface import FloatArray
 from .parameters import Terrain, require_in
-from .steady_balance import belt_balance, motion_row, newton, solution_tolerance, turn_balance, turn_row
+from .steady_balance import belt_balance, motion_row, newton, solution_tolerance
+from .steady_branch import SEARCH_SHARE, follow_turns
 
-# A continuation step changes the curvature and the lateral acceleration by at most this much, in 1/m and m/s².
-_CURVATURE_STEP: Final = 0.1
-_ACCELERATION_STEP: Final = 1.0
-# The search for the tightest turn also keeps to this share of the curvature, so as to see where belts run too fast in
-# the middle of the branch.
-_SEARCH_SHARE: Final = 0.08
-_SEARCH_STEP: Final = 0.005
-# Below this share of what has been reached a continuation is at its end.
+# Below this share of the whole way from no turn a continuation is at its end.
 _SMALLEST_STEP: Final = 1e-4
 
 
@@ -133,7 +126,8 @@ def steady_turn(backend: ForceBackend, terrain: Terrain, speed: float, radius: f
     if not (isinstance(radius, int | float | np.number) and abs(radius) > 0):
         raise InvalidInputError(f"radius must be a number other than 0, infinite for a straight run, got {radius!r}")
     wanted = 1 / float(radius)
-    reached = _approach(backend, terrain, speed, wanted, lambda motion: True)
+    _check_turn(backend, terrain, speed)
+    reached = _motion(backend, follow_turns(backend, terrain, speed, wanted, lambda row: True))
     if reached.curvature != wanted and abs(reached.curvature - wanted) > 1e-9 * abs(wanted):
         raise InvalidInputError(
             f"no steady turn of {radius:g} m radius at {speed:g} m/s on this ground: "
@@ -152,9 +146,9 @@ def tightest_turn(
 ) -> SteadyMotion:
     """Return the tightest steady left turn of given speed that ground and drive allow, to a ten-thousandth.
 
-    The turn is tightened from the straight run until there is no steady turn, a belt would run faster than the
-    vehicle's maximum speed, or the inner belt would run backward. Steady does not mean stable: a driver may have to
-    hold the vehicle in this turn.
+    The turn is tightened from the straight run, also over the rest of the inner belt, until there is no steady turn, a
+    belt would run faster than the vehicle's maximum speed, or the inner belt would run backward. Steady does not mean
+    stable: a driver may have to hold the vehicle in this turn.
 
     Parameters
     ----------
@@ -175,13 +169,14 @@ def tightest_turn(
         If a value is impossible, the ground has another mode, or even a straight run has no steady state.
     """
     require_in("minimum_radius", minimum_radius, 0.0, 1e6, low_open=True)
+    _check_turn(backend, terrain, speed)
     top = backend.vehicle.maximum_speed
 
-    def drivable(motion: SteadyMotion) -> bool:
-        belts = motion.v_left, motion.v_right
-        return max(map(abs, belts)) <= top and (inner_belt_reverses or min(belts) >= 0)
+    def drivable(row: FloatArray) -> bool:
+        belts = row[5:7]
+        return bool(np.abs(belts).max() <= top and (inner_belt_reverses or belts.min() >= 0))
 
-    return _approach(backend, terrain, speed, 1 / minimum_radius, drivable, share=_SEARCH_SHARE)
+    return _motion(backend, follow_turns(backend, terrain, speed, 1 / minimum_radius, drivable, share=SEARCH_SHARE))
 
 
 def steady_motion(backend: ForceBackend, terrain: Terrain, v_left: float, v_right: float) -> SteadyMotion:
@@ -231,58 +226,16 @@ def steady_motion(backend: ForceBackend, terrain: Terrain, v_left: float, v_righ
             continue
         done, solution = share, found
     row = motion_row(terrain, solution[0], solution[1], solution[2], v_left, v_right)
-    return SteadyMotion(row, backend.forces(row), tread)
+    return _motion(backend, row)
 
 
-def _approach(
-    backend: ForceBackend,
-    terrain: Terrain,
-    speed: float,
-    wanted: float,
-    allowed: Callable[[SteadyMotion], bool],
-    share: float = math.inf,
-) -> SteadyMotion:
-    """Return the last allowed steady turn between the straight run and the wanted curvature.
+def _motion(backend: ForceBackend, row: FloatArray) -> SteadyMotion:
+    return SteadyMotion(row, backend.forces(row), backend.vehicle.tread)
 
-    Steps are at most ``share`` of the curvature that has been reached.
-    """
+
+def _check_turn(backend: ForceBackend, terrain: Terrain, speed: float) -> None:
     _check_mode(backend, terrain)
     require_in("speed", speed, 0.0, 100.0, low_open=True)
-
-    def solve(curvature: float, start: FloatArray) -> FloatArray | None:
-        found = newton(
-            lambda z: turn_balance(backend, terrain, speed, curvature, z), start, solution_tolerance(backend)
-        )
-        # Beyond a quarter turn of side slip the vehicle spins: another branch, not this turn.
-        return found if found is not None and abs(found[2]) < math.pi / 2 else None
-
-    def motion(curvature: float, z: FloatArray) -> SteadyMotion:
-        row = turn_row(terrain, speed, curvature, z)
-        return SteadyMotion(row, backend.forces(row), backend.vehicle.tread)
-
-    now = solve(0.0, np.array([speed, speed, 0.0]))
-    if now is None:
-        raise InvalidInputError(f"no steady run at {speed:g} m/s: this ground resists more than it holds")
-    if not allowed(motion(0.0, now)):
-        raise InvalidInputError(f"no steady run at {speed:g} m/s: it takes belts at {now[0]:.4g} m/s on this ground")
-    largest = min(_CURVATURE_STEP, _ACCELERATION_STEP / speed**2)
-    curvature, step = 0.0, min(largest, abs(wanted), _SEARCH_STEP if share < math.inf else math.inf)
-    # Tightening the turn at first takes the belts apart by ωB.
-    slope = math.copysign(speed, wanted) * np.array([-backend.vehicle.tread / 2, backend.vehicle.tread / 2, 0.0])
-    while curvature < abs(wanted):
-        following = min(curvature + step, abs(wanted))
-        width = following - curvature
-        signed = math.copysign(following, wanted)
-        found = solve(signed, now + width * slope)
-        if found is None or not allowed(motion(signed, found)):
-            step = width / 2
-            if step < _SMALLEST_STEP * max(curvature, 1e-4):
-                break
-            continue
-        slope = (found - now) / width
-        now, curvature = found, following
-        step = min(1.6 * step, largest, max(share * curvature, _SEARCH_STEP))
-    return motion(math.copysign(curvature, wanted), now)
 
 
 def _check_mode(backend: ForceBackend, terrain: Terrain) -> None:

@@ -161,6 +161,20 @@ def test_the_tightest_turn_is_within_friction_and_the_drive() -> None:
         tightest_turn(backend, terrain, 18.0)
 
 
+@pytest.mark.parametrize(
+    ("ground", "speed"), [("snow-us", 0.9), ("snow-us", 1.05), ("lete-sand", 1.43), ("clayey-soil-55", 0.9)]
+)
+def test_a_slow_turn_goes_on_beyond_the_rest_of_the_inner_belt(ground: str, speed: float) -> None:
+    terrain = named(ground)
+    tightest = tightest_turn(block(terrain), terrain, speed)
+    forward = tightest_turn(block(terrain), terrain, speed, inner_belt_reverses=False)
+    assert tightest.radius == pytest.approx(1.0)
+    assert tightest.v_left < -0.5 < 0 <= forward.v_left
+    np.testing.assert_allclose(
+        reference_forces(M113, "soil", tightest.row), 11300 * np.array([*tightest.row[3:5], 0.0]), rtol=0, atol=1e-9 * W
+    )
+
+
 @pytest.mark.parametrize(("speed", "radius"), [(0.0, 5.0), (-1.0, 5.0), (math.nan, 5.0), (1.0, 0.0), (1.0, math.nan)])
 def test_impossible_speeds_and_radii_are_refused(speed: float, radius: float) -> None:
     with pytest.raises(InvalidInputError, match=r"speed|radius"):
