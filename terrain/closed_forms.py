@@ -1,7 +1,7 @@
 """Results of the track-terrain block that can be written down: thrust, turning moments, steady skid turn.
 
 Sources: Janosi & Hanamoto (1961), shear stress against shear displacement; Wong, Theory of Ground Vehicles; Wong &
-Chiang (2001), a general theory for skid steering of tracked vehicles on firm ground; Steeds (1950) and Merritt (1946),
+Chiang (2001), a general theory for skid steering of tracked vehicles on firm ground; Merritt (1939) and Steeds (1950),
 skid steering with friction that does not depend on slip.
 """
 

@@ -133,7 +133,7 @@ def test_a_linear_change_is_reproduced_away_from_the_map_edge(mode: Mode, axis: 
         assert field.gradient_at(px, py) == pytest.approx((2.0, -0.5), abs=1e-12)
 
 
-def test_a_border_between_two_grounds_is_one_and_a_half_cells_wide() -> None:
+def test_a_border_between_two_grounds_is_two_cells_wide() -> None:
     cells = np.tile(named("asphalt").parameters, (3, 10, 1))
     cells[:, 5:] = named("ice").parameters
     field = TerrainField("rigid", (0.0, 0.0), 1.0, cells)
