@@ -62,7 +62,7 @@ def skid_turns(block: Block, *, along: int = 800) -> Iterator[Check]:
             slip = (outer - inner) / (turn.yaw_rate * line.contact_length)
             yield Check(
                 4, f"steady skid turn of a line track, L/B {ratio:g}, K 1 µm, {path} path", block.name, "λ = 2u/(ωL)",
-                "1", skid_turn_slip(ratio), float(slip), 1e-5, "absolute", "Steeds 1950, Merritt 1946",
+                "1", skid_turn_slip(ratio), float(slip), 1e-5, "absolute", "Merritt 1939, Steeds 1950",
             )  # fmt: skip
 
 
@@ -115,7 +115,7 @@ def turning_resistances(block: Block, radii: Sequence[float] = RADII) -> Iterato
         empirical = empirical_curve(m113, radii)
         deviation, lateral = (np.abs(made / empirical - 1).max() for made in (curve.by_thrust, curve.by_lateral_force))
         yield Check(
-            5, f"turning resistance of the M113, R 5-100 m, exact path, continuous, K {1e3 * k:g} mm", block.name,
+            5, f"turning resistance of the M113, {len(radii)} radii of 5-100 m, exact path, continuous, K {1e3 * k:g} mm", block.name,
             "largest |deviation| of μ_t by thrust", "1", 0.0, float(deviation), 0.06,
             "at most", "empirical μ_max/(0.925 + 0.15 R/B); trials of the model 4-6 %; "
             f"with M_r by the lateral forces alone it is {lateral:.3f}",

@@ -7,36 +7,34 @@ from typing import Any, Final
 import numpy as np
 
 from ...block import ShearGrid
-from ...named import named, terrain_names
+from ...named import named
 from ...vehicle import TrackedVehicle
 from ..blocks import COMPILED, DEFAULT
+from .grounds import KINDS, ground_kind, soil_names
 from .study import Data, Study
 from .style import CYCLE, label, new_figure
 
 _BELT_SPEED: Final = 3.0
-_KINDS: Final = ("sand", "loam", "clay", "snow", "other soil")
 
 
 def compute(vehicle: TrackedVehicle, quick: bool = False) -> dict[str, Any]:
     """Return (thrust − rolling resistance)/W by slip from 0 to 1 at V_ε = 0, for every named soil."""
     slips = np.concatenate([np.linspace(0, 0.1, 6 if quick else 26), np.linspace(0.12, 1.0, 12 if quick else 45)])
     curves = []
-    for name in terrain_names():
+    for name in soil_names():
         terrain = named(name)
-        if terrain.mode != "soil":
-            continue
         rows = np.zeros((len(slips), 7 + len(terrain.parameters)))
         rows[:, 0] = _BELT_SPEED * (1 - slips)
         rows[:, 5:7] = _BELT_SPEED
         rows[:, 7:] = terrain.parameters
         pull = COMPILED.build(vehicle, "soil", ShearGrid(*DEFAULT), 0.0).forces(rows)[:, 0] / vehicle.weight
-        curves.append({"name": name, "kind": _kind(name), "pull": pull.tolist()})
+        curves.append({"name": name, "kind": ground_kind(name), "pull": pull.tolist()})
     return {"vehicle": vehicle.name, "slip": slips.tolist(), "curves": curves}
 
 
 def draw(data: Data) -> Any:
     """Draw one panel for each kind of soil."""
-    kinds = [kind for kind in _KINDS if any(curve["kind"] == kind for curve in data["curves"])]
+    kinds = [kind for kind in KINDS if any(curve["kind"] == kind for curve in data["curves"])]
     columns = 2
     rows = (len(kinds) + 1) // columns
     figure = new_figure(10.5, 3.6 * rows)
@@ -52,7 +50,7 @@ def draw(data: Data) -> Any:
         low, high = axis.get_ylim()
         axis.set_ylim(low, high + 0.05 * (high - low))
         axis.legend(fontsize=8, loc="best")
-        label(axis, x="slip $i$ (%)", y="drawbar pull / weight (–)", title=kind)
+        label(axis, x="slip $i$ (%)", y="drawbar pull / weight (–)", title=f"{data['vehicle']}, {kind}")
         axis.xaxis.set_tick_params(labelbottom=True)
     for axis in axes.flat[len(kinds) :]:
         axis.remove()
@@ -68,14 +66,6 @@ def remark(data: Data) -> str:
         f"{last[least]:.2f}. Clay is mobilized at small slip and snow late, as their K tell. Sinkage is not modelled: "
         "rolling resistance does not grow with slip, so that no curve turns down."
     )
-
-
-def _kind(name: str) -> str:
-    """Return the kind of soil, by the word that the name holds; a clayey loam is a loam, a sandy loam, too."""
-    for kind in ("loam", "snow", "clay", "sand"):
-        if kind in name:
-            return kind
-    return "other soil"
 
 
 STUDY: Final = Study("drawbar-pull", "Drawbar pull against slip", compute, draw, remark)

@@ -53,7 +53,12 @@ def compute(vehicle: TrackedVehicle, quick: bool = False) -> dict[str, Any]:
         }
         for angle in _ANGLES
     ]
-    return {"terrain": {"mu": _TERRAIN.mu, "k": _TERRAIN.k}, "by_size": by_size, "by_angle": by_angle}
+    return {
+        "vehicle": vehicle.name,
+        "terrain": {"mu": _TERRAIN.mu, "k": _TERRAIN.k},
+        "by_size": by_size,
+        "by_angle": by_angle,
+    }
 
 
 def draw(data: Data) -> Any:
@@ -70,7 +75,7 @@ def draw(data: Data) -> Any:
         right.plot(along, aside, color=color, linewidth=1.3, label=f"β = ±{curve['angle_deg']:g}°")
         right.plot(along, -aside, color=color, linewidth=1.3)
     for axis, title in (
-        (left, "slip of constant size, any direction"),
+        (left, f"{data['vehicle']}, K {1e3 * data['terrain']['k']:g} mm: slip of constant size, any direction"),
         (right, "constant side slip, braked to spinning"),
     ):
         axis.axhline(0, color="0.5", linewidth=0.6)

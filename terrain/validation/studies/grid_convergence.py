@@ -24,6 +24,7 @@ def compute(vehicle: TrackedVehicle, quick: bool = False) -> dict[str, Any]:
         x = driven_states(vehicle, mode, 40 if quick else 400, seed=1)
         differences[mode] = grid_differences(COMPILED, vehicle, mode, x, _GRIDS).tolist()
     return {
+        "vehicle": vehicle.name,
         "grids": [list(cells) for cells in _GRIDS],
         "finest": list(FINEST),
         "outputs": list(OUTPUT_NAMES),
@@ -50,7 +51,7 @@ def draw(data: Data) -> Any:
     plain_ticks(axis.yaxis, (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5))
     axis.set_xticks(place, [f"{along} × {across}" for along, across in grids])
     axis.legend(fontsize=8, ncols=2)
-    label(axis, x="cells an element, along × across", y="rms difference to 80 × 40 / std (%)")
+    label(axis, x="cells an element, along × across", y="rms difference to 80 × 40 / std (%)", title=data["vehicle"])
     return figure
 
 

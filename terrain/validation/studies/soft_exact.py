@@ -39,6 +39,7 @@ def compute(vehicle: TrackedVehicle, quick: bool = False) -> dict[str, Any]:
         soft, exact = (backend.forces(_rows(vehicle, np.array([np.inf]), slips, k)) for backend in backends)
         straight = max(straight, float(np.abs((soft - exact) / scale).max()))
     return {
+        "vehicle": vehicle.name,
         "radius_m": radii.tolist(),
         "slip": slips.tolist(),
         "k": list(_MODULI),
@@ -79,7 +80,7 @@ def draw(data: Data) -> Any:
             plain_ticks(axis.xaxis, (2, 5, 10, 20, 50, 100))
             plain_ticks(axis.yaxis, (-50, -20, -10, -5, -2, 0, 2, 5, 10, 20, 50))
             if row == 0:
-                axis.set_title(f"K = {1e3 * k:g} mm", fontsize=10)
+                axis.set_title(f"{data['vehicle']}, K = {1e3 * k:g} mm", fontsize=10)
             if row == 2:
                 axis.set_xlabel("turning radius $R$ (m)")
             if column == 0:

@@ -1,7 +1,8 @@
-"""The tightest steady turn against speed, on published grounds."""
+"""The tightest steady turn against speed, on every named ground."""
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -9,17 +10,14 @@ import numpy as np
 from ...block import ShearGrid
 from ...closed_forms import shear_capacity
 from ...errors import InvalidInputError
-from ...named import named
+from ...named import named, terrain_names
 from ...steady import tightest_turn
 from ...vehicle import GRAVITY, TrackedVehicle
 from ..blocks import COMPILED, DEFAULT
+from .grounds import KINDS, ground_kind
 from .study import Data, Study
 from .style import CYCLE, label, new_figure, plain_ticks
 
-_GROUNDS: Final = (
-    "asphalt", "gravel", "snow-packed", "ice",
-    "heavy-clay-25", "upland-sandy-loam", "dry-sand", "snow-us",
-)  # fmt: skip
 _SMALLEST: Final = 1.0
 
 
@@ -32,23 +30,26 @@ def compute(vehicle: TrackedVehicle, quick: bool = False) -> dict[str, Any]:
     shares = (0.06, 0.3, 0.9) if quick else np.concatenate([np.geomspace(0.05, 0.7, 18), np.linspace(0.75, 0.99, 9)])
     speeds = np.array(shares) * vehicle.maximum_speed
     curves = []
-    for name in _GROUNDS:
+    for name in terrain_names():
         terrain = named(name)
         grid = ShearGrid(*((4, 2) if quick else DEFAULT), vehicle.contact)
         backend = COMPILED.build(vehicle, terrain.mode, grid, vehicle.soft_speed)
         radii: dict[str, list[float | None]] = {"any": [], "forward": []}
         for speed in speeds.tolist():
-            for key, reverses in (("any", True), ("forward", False)):
-                try:
-                    turn = tightest_turn(
-                        backend, terrain, speed, minimum_radius=_SMALLEST, inner_belt_reverses=reverses
-                    )  # fmt: skip
-                except InvalidInputError:
-                    radii[key].append(None)
-                else:
-                    radii[key].append(turn.radius if np.isfinite(turn.radius) else None)
+            try:
+                turn = tightest_turn(backend, terrain, speed, minimum_radius=_SMALLEST)
+            except InvalidInputError:
+                radii["any"].append(None)
+                radii["forward"].append(None)
+                continue
+            radii["any"].append(_finite(turn.radius))
+            if turn.v_left < 0:
+                turn = tightest_turn(
+                    backend, terrain, speed, minimum_radius=_SMALLEST, inner_belt_reverses=False
+                )  # fmt: skip
+            radii["forward"].append(_finite(turn.radius))
         grip = shear_capacity(vehicle, terrain) / vehicle.weight
-        curves.append({"name": name, "mode": terrain.mode, "friction": grip, "radius_m": radii})
+        curves.append({"name": name, "kind": ground_kind(name), "friction": grip, "radius_m": radii})
     return {
         "vehicle": vehicle.name,
         "maximum_speed": vehicle.maximum_speed,
@@ -58,23 +59,26 @@ def compute(vehicle: TrackedVehicle, quick: bool = False) -> dict[str, Any]:
     }
 
 
+def _finite(radius: float) -> float | None:
+    return radius if math.isfinite(radius) else None
+
+
 def draw(data: Data) -> Any:
-    """Draw rigid grounds and soils side by side."""
-    figure = new_figure(10.5, 5.2)
-    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    """Draw one panel for each kind of ground, and say in the last what the lines are."""
+    kinds = [kind for kind in KINDS if any(curve["kind"] == kind for curve in data["curves"])]
+    columns = 2
+    rows = len(kinds) // columns + 1
+    figure = new_figure(10.5, 4.0 * rows)
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     speed = np.array(data["speed"])
-    for axis, mode, title in zip(axes, ("rigid", "soil"), ("firm ground", "soil"), strict=True):
-        for color, curve in zip(CYCLE, [c for c in data["curves"] if c["mode"] == mode], strict=False):
+    for axis, kind in zip(axes.flat, kinds, strict=False):
+        chosen = [curve for curve in data["curves"] if curve["kind"] == kind]
+        # The legend reads in the order in which the curves lie.
+        for color, curve in zip(CYCLE, sorted(chosen, key=lambda curve: curve["friction"]), strict=False):
             solid, dashed = (np.array(curve["radius_m"][key], dtype=float) for key in ("any", "forward"))
             axis.plot(speed, solid, color=color, linewidth=1.6, label=curve["name"])
             axis.plot(speed, dashed, color=color, linewidth=1.2, linestyle="--")
             axis.plot(speed, speed**2 / (GRAVITY * curve["friction"]), color=color, linewidth=0.8, linestyle=":")
-        for style, width, text in (
-            ("-", 1.6, "any inner belt"),
-            ("--", 1.2, "inner belt not reversed"),
-            (":", 0.8, "$V^2W/(g F_{max})$"),
-        ):
-            axis.plot([], [], style, color="0.3", linewidth=width, label=text)
         axis.set(
             xscale="log",
             yscale="log",
@@ -83,8 +87,20 @@ def draw(data: Data) -> Any:
         )
         plain_ticks(axis.xaxis, [tick for tick in (1, 2, 5, 10, 15) if speed[0] <= tick <= data["maximum_speed"]])
         plain_ticks(axis.yaxis, (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000))
+        axis.xaxis.set_tick_params(labelbottom=True)
         axis.legend(fontsize=8, loc="upper left")
-        label(axis, x="speed $V$ (m/s)", y="smallest steady radius $R$ (m)", title=f"{data['vehicle']}, {title}")
+        label(axis, x="speed $V$ (m/s)", y="smallest steady radius $R$ (m)", title=f"{data['vehicle']}, {kind}")
+    lines = axes.flat[len(kinds)]
+    for style, width, text in (
+        ("-", 1.6, "any inner belt"),
+        ("--", 1.2, "inner belt not reversed"),
+        (":", 0.8, "$V^2W/(g F_{max})$: all friction held sideways"),
+    ):
+        lines.plot([], [], style, color="0.3", linewidth=width, label=text)
+    lines.set_axis_off()
+    lines.legend(fontsize=10, loc="center")
+    for axis in axes.flat[len(kinds) + 1 :]:
+        axis.remove()
     return figure
 
 
@@ -97,7 +113,7 @@ def remark(data: Data) -> str:
         f"Slow turns were followed down to {data['smallest_radius_m']:g} m; where the inner belt may not reverse they end "
         "a little outside half the tread, with that belt at rest. Then the friction limit (dotted) rules, and the closer, "
         "the less of the friction goes into rolling resistance: on packed snow that takes nearly all, and the vehicle "
-        "hardly turns. Towards the maximum speed the outer belt is at the drive's limit. A steady turn need not be a "
+        "hardly turns, slowly only with the outer belt spinning at the drive's limit. Towards the maximum speed the outer belt is at the drive's limit. A steady turn need not be a "
         f"stable one.{note}"
     )
 

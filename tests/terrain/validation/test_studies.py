@@ -65,6 +65,7 @@ def test_friction_bounds_the_force_of_a_track(data: dict[str, dict[str, Any]]) -
 def test_the_tightest_turn_respects_friction_and_the_inner_belt(data: dict[str, dict[str, Any]]) -> None:
     study = data["turning-radius"]
     speed = np.array(study["speed"])
+    assert {curve["name"] for curve in study["curves"]} == set(terrain_names())
     for curve in study["curves"]:
         free, forward = (np.array(curve["radius_m"][key], dtype=float) for key in ("any", "forward"))
         held = np.isfinite(free)
