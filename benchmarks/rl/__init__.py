@@ -1,0 +1,1 @@
+"""How fast stable-baselines3 learns on the batched environments, and how well what it learned drives."""
