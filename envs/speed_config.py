@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypedDict, cast
+from typing import Any, ClassVar, TypedDict, cast
 
 from ..terrain import Ground, InvalidInputError
 from ..terrain.parameters import require_in
@@ -58,8 +58,10 @@ class SpeedConfig(TaskConfig):
     InvalidInputError
         If a number is impossible.
     ConfigurationError
-        If the action mode, the integrator or the ground sampling is unknown.
+        If the action mode, the integrator, the ground sampling or what to randomize is unknown.
     """
+
+    changeable: ClassVar = TaskConfig.changeable | {"lowest_speed", "highest_speed", "effort"}
 
     lowest_speed: float = 0.0
     highest_speed: float | None = None

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..terrain import ForceBackend, Ground, TrackedVehicle
 from .rendering import RenderMode
+from .reward import RewardFunction
 from .speed_config import SpeedConfig, speed_config
 from .speed_task import SpeedEpisode, SpeedTask
 from .tracked_env import Engine, TrackedVehicleEnv
@@ -82,6 +83,8 @@ class SpeedTrackingEnv(TrackedVehicleEnv[SpeedConfig, SpeedEpisode]):
     engine : {"compiled", "python"}, optional
         What simulates a control period: the compiled engine, by default wherever it has the backend and the ground, or
         the Python tick, its reference.
+    reward : callable, optional
+        Takes the place of the reward above: from a :class:`StepView` of n vehicles, here of one, to n numbers.
     **settings
         Fields of :class:`SpeedConfig`.
 
@@ -106,7 +109,10 @@ class SpeedTrackingEnv(TrackedVehicleEnv[SpeedConfig, SpeedEpisode]):
         render_mode: RenderMode | None = None,
         backend_options: Mapping[str, Any] | None = None,
         engine: Engine | None = None,
+        reward: RewardFunction | None = None,
         **settings: Any,
     ) -> None:
         task = SpeedTask(vehicle, terrain, speed_config(settings))
-        super().__init__(task, backend, render_mode=render_mode, backend_options=backend_options, engine=engine)
+        super().__init__(
+            task, backend, render_mode=render_mode, backend_options=backend_options, engine=engine, reward=reward
+        )

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Final, Literal, TypeVar
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Final, Literal, TypeVar
 
-from ..terrain import InvalidInputError, resolve_ground, unknown_name
+from ..terrain import ConfigurationError, InvalidInputError, resolve_ground, unknown_name
 from ..terrain.parameters import require_in
 from .footing import GROUND_SAMPLINGS, GroundSampling
+from .randomization import Randomization
 from .state import VehicleState
 from .tick import INTEGRATORS, Integrator
 
@@ -45,14 +46,19 @@ class TaskConfig:
         Initial speed is drawn from this share of the reference speed up to all of it.
     action_change_weight, slip_power_weight : float
         Weights of the reward's terms.
+    randomize : Randomization or mapping of its fields, optional
+        What differs from episode to episode beside the start.
 
     Raises
     ------
     InvalidInputError
         If a number is impossible.
     ConfigurationError
-        If the action mode, the integrator or the ground sampling is unknown.
+        If the action mode, the integrator, the ground sampling or what to randomize is unknown.
     """
+
+    #: Settings that concern only how episodes begin, and so may change between two of them.
+    changeable: ClassVar[frozenset[str]] = frozenset({"lowest_start_speed", "randomize"})
 
     action_mode: ActionMode = "belts"
     control_period: float = 0.1
@@ -67,6 +73,7 @@ class TaskConfig:
     lowest_start_speed: float = 0.5
     action_change_weight: float = 0.05
     slip_power_weight: float = 0.1
+    randomize: Randomization | None = None
 
     def __post_init__(self) -> None:
         if self.action_mode not in ACTION_MODES:
@@ -84,6 +91,7 @@ class TaskConfig:
         for field in fields(self):
             if field.name.endswith("_weight"):
                 require_in(field.name, getattr(self, field.name), 0.0, 1e6)
+        object.__setattr__(self, "randomize", Randomization.of(self.randomize))
 
     def _require_flag(self, name: str) -> None:
         if not isinstance(getattr(self, name), bool):
@@ -106,6 +114,28 @@ def build_config(kind: type[_Config], task: str, settings: Mapping[str, Any]) ->
         if key not in known:
             raise unknown_name(f"{task} setting", key, known)
     return kind(**settings)
+
+
+def changed_config(config: _Config, settings: Mapping[str, Any]) -> _Config:
+    """Return settings with some changed, as is possible between episodes.
+
+    Raises
+    ------
+    ConfigurationError
+        If a key is unknown, or its setting holds for the life of an environment.
+    InvalidInputError
+        If a value is impossible.
+    """
+    known = {field.name for field in fields(config)}
+    for key in settings:
+        if key not in known:
+            raise unknown_name("setting", key, known)
+        if key not in config.changeable:
+            raise ConfigurationError(
+                f"{key} shapes spaces, periods or the reward that the engine was made with: make another environment. "
+                f"Between episodes these can change: {', '.join(sorted(config.changeable))}"
+            )
+    return replace(config, **settings)
 
 
 def check_options(

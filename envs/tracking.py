@@ -10,6 +10,7 @@ from ..terrain import ForceBackend, Ground, TrackedVehicle
 from .path import Path
 from .path_task import PathEpisode, PathTask
 from .rendering import RenderMode
+from .reward import RewardFunction
 from .tracked_env import Engine, TrackedVehicleEnv
 from .tracking_config import TrackingConfig, tracking_config
 
@@ -82,6 +83,8 @@ class PathTrackingEnv(TrackedVehicleEnv[TrackingConfig, PathEpisode]):
     engine : {"compiled", "python"}, optional
         What simulates a control period: the compiled engine, by default wherever it has the backend and the ground, or
         the Python tick, its reference.
+    reward : callable, optional
+        Takes the place of the reward above: from a :class:`StepView` of n vehicles, here of one, to n numbers.
     **settings
         Fields of :class:`TrackingConfig`.
 
@@ -107,13 +110,12 @@ class PathTrackingEnv(TrackedVehicleEnv[TrackingConfig, PathEpisode]):
         render_mode: RenderMode | None = None,
         backend_options: Mapping[str, Any] | None = None,
         engine: Engine | None = None,
+        reward: RewardFunction | None = None,
         **settings: Any,
     ) -> None:
         task = PathTask(vehicle, terrain, tracking_config(settings), path)
         self.path: Final = task.path
         self.reference_speed: Final = task.reference_speed
-        super().__init__(task, backend, render_mode=render_mode, backend_options=backend_options, engine=engine)
-
-    @property
-    def _path(self) -> Path:
-        return self.path
+        super().__init__(
+            task, backend, render_mode=render_mode, backend_options=backend_options, engine=engine, reward=reward
+        )

@@ -26,6 +26,7 @@ from .engine import compiled_ground, compiled_guard, compiled_kernel
 from .observation import Observation
 from .path import Path
 from .path_task import PathEpisode, PathTask
+from .reward import RewardFunction
 from .speed_config import SpeedConfig, speed_config
 from .speed_task import SpeedEpisode, SpeedTask
 from .task import ConfigT, EpisodeT, Task
@@ -63,6 +64,8 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         ``infos["final_obs"]`` and ``infos["final_info"]``.
     backend_options : mapping, optional
         For :func:`grouser.terrain.make_backend`.
+    reward : callable, optional
+        Takes the place of the task's own; see :class:`StepView`.
 
     Raises
     ------
@@ -81,9 +84,12 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         threads: int,
         autoreset_mode: AutoresetMode | str,
         backend_options: Mapping[str, Any] | None,
+        reward: RewardFunction | None,
     ) -> None:
         self.autoreset_mode: Final = _autoreset_mode(autoreset_mode)
-        self.batch: Final = make_batch(task, backend, num_envs, threads=threads, backend_options=backend_options)
+        self.batch: Final = make_batch(
+            task, backend, num_envs, threads=threads, backend_options=backend_options, reward=reward
+        )
         self.task: Final = task
         self.num_envs = num_envs
         self.single_action_space, self.single_observation_space = spaces(task)
@@ -107,6 +113,18 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         """Seed of each sub-environment."""
         return self.batch.seeds
 
+    def reconfigure(self, **settings: Any) -> None:
+        """Change settings of starts, commands and randomization of every sub-environment, from its next episode on.
+
+        Raises
+        ------
+        ConfigurationError
+            If a key is unknown, or its setting holds for the life of an environment; nothing has changed then.
+        InvalidInputError
+            If a value is impossible; nothing has changed then.
+        """
+        self.task.reconfigure(**settings)
+
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, VectorInfo]:
@@ -129,7 +147,7 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         mask = self._all
         if "reset_mask" in chosen:
             mask = _reset_mask(chosen.pop("reset_mask"), self.num_envs)
-        seeds = _seeds(seed, self.num_envs)
+        seeds = sub_seeds(seed, self.num_envs)
         for index in np.flatnonzero(mask).tolist():
             if seeds[index] is not None:
                 self.batch.seed(index, seeds[index])
@@ -204,7 +222,7 @@ class PathTrackingVectorEnv(TrackedVehicleVectorEnv[TrackingConfig, PathEpisode]
     ----------
     num_envs, threads, autoreset_mode
         As of :class:`TrackedVehicleVectorEnv`.
-    backend, vehicle, terrain, path, backend_options, **settings
+    backend, vehicle, terrain, path, backend_options, reward, **settings
         As of :class:`PathTrackingEnv`.
     """
 
@@ -219,6 +237,7 @@ class PathTrackingVectorEnv(TrackedVehicleVectorEnv[TrackingConfig, PathEpisode]
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         backend_options: Mapping[str, Any] | None = None,
+        reward: RewardFunction | None = None,
         **settings: Any,
     ) -> None:
         super().__init__(
@@ -228,6 +247,7 @@ class PathTrackingVectorEnv(TrackedVehicleVectorEnv[TrackingConfig, PathEpisode]
             threads=threads,
             autoreset_mode=autoreset_mode,
             backend_options=backend_options,
+            reward=reward,
         )
 
 
@@ -238,7 +258,7 @@ class SpeedTrackingVectorEnv(TrackedVehicleVectorEnv[SpeedConfig, SpeedEpisode])
     ----------
     num_envs, threads, autoreset_mode
         As of :class:`TrackedVehicleVectorEnv`.
-    backend, vehicle, terrain, backend_options, **settings
+    backend, vehicle, terrain, backend_options, reward, **settings
         As of :class:`SpeedTrackingEnv`.
     """
 
@@ -252,6 +272,7 @@ class SpeedTrackingVectorEnv(TrackedVehicleVectorEnv[SpeedConfig, SpeedEpisode])
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         backend_options: Mapping[str, Any] | None = None,
+        reward: RewardFunction | None = None,
         **settings: Any,
     ) -> None:
         super().__init__(
@@ -261,6 +282,7 @@ class SpeedTrackingVectorEnv(TrackedVehicleVectorEnv[SpeedConfig, SpeedEpisode])
             threads=threads,
             autoreset_mode=autoreset_mode,
             backend_options=backend_options,
+            reward=reward,
         )
 
 
@@ -271,6 +293,7 @@ def make_batch(
     *,
     threads: int,
     backend_options: Mapping[str, Any] | None,
+    reward: RewardFunction | None,
 ) -> Batch[ConfigT, EpisodeT]:
     """Return the batch of a vector environment.
 
@@ -293,7 +316,7 @@ def make_batch(
         raise ConfigurationError(
             f"{error}. In gymnasium.make_vec, vectorization_mode='sync' steps single environments in turn"
         ) from error
-    return Batch(task, built, num_envs, threads=threads)
+    return Batch(task, built, num_envs, threads=threads, reward=reward)
 
 
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
@@ -303,7 +326,14 @@ def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     raise unknown_name("autoreset mode", getattr(mode, "value", mode), [known.value for known in AUTORESET_MODES])
 
 
-def _seeds(seed: int | Sequence[int | None] | None, count: int) -> Sequence[int | None]:
+def sub_seeds(seed: int | Sequence[int | None] | None, count: int) -> Sequence[int | None]:
+    """Return the seed of each sub-environment; one number s stands for s, s + 1, s + 2, ...
+
+    Raises
+    ------
+    InvalidInputError
+        If there are not as many seeds as sub-environments.
+    """
     if seed is None:
         return [None] * count
     if isinstance(seed, int | np.integer):
