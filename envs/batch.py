@@ -187,6 +187,8 @@ class Batch(Generic[ConfigT, EpisodeT]):
         """Begin an episode; its first observation and measures are in the arrays."""
         if self.fleet.ground(index) is not start.ground:
             self.fleet.set_ground(index, start.ground)
+        if self.fleet.get_vehicle(index) is not start.vehicle:
+            self.fleet.set_vehicle(index, start.vehicle)
         self.fleet.set_state(index, start.state)
         drawn = self.task.drawn(start)
         self.randomized[index] = drawn is not None

@@ -196,9 +196,7 @@ class Randomizer:
         return Surroundings(ground, replace(self._vehicle, **drawn))
 
 
-def _ground_draw(
-    terrain: Any, ground: Ground, prepare: Callable[[Ground], Ground]
-) -> Callable[[FloatArray], Ground]:
+def _ground_draw(terrain: Any, ground: Ground, prepare: Callable[[Ground], Ground]) -> Callable[[FloatArray], Ground]:
     """Return the ground as a function of four numbers in [0, 1]."""
     if terrain is None:
         return lambda draw: ground
@@ -233,7 +231,10 @@ def _scaling(factors: Mapping[str, Factors], ground: Ground) -> Callable[[FloatA
     pairs = [factors.get(name, (1.0, 1.0)) for name in names]
 
     def scaled(draw: FloatArray) -> Ground:
-        return _scaled(ground, np.array([_log_uniform(*pair, u) for pair, u in zip(pairs, draw.tolist(), strict=False)]))
+        shares = draw[: len(pairs)].tolist()
+        return _scaled(
+            ground, np.array([_log_uniform(*pair, share) for pair, share in zip(pairs, shares, strict=True)])
+        )
 
     return scaled
 

@@ -119,6 +119,7 @@ def _adapter() -> Callable[[TrackedVehicleVectorEnv[Any, Any], GaussianNoise | N
             self._batch = vector.batch
             self._actions: Any = None
             self._nothing: dict[str, Any] = {}
+            self._everyone = np.arange(vector.num_envs)
             self._returns = np.zeros(vector.num_envs)
             self._lengths = np.zeros(vector.num_envs, np.int64)
             self._made = time.perf_counter()
@@ -136,7 +137,7 @@ def _adapter() -> Callable[[TrackedVehicleVectorEnv[Any, Any], GaussianNoise | N
             self._reset_options()
             self._returns[:] = 0.0
             self._lengths[:] = 0
-            return self._observed(np.arange(self.num_envs))
+            return self._observed(self._everyone)
 
         def _begin(self, index: int, options: dict[str, Any] | None = None) -> None:
             """Start an episode of a sub-environment."""
@@ -170,7 +171,7 @@ def _adapter() -> Callable[[TrackedVehicleVectorEnv[Any, Any], GaussianNoise | N
             infos = [self._nothing] * self.num_envs
             for index in np.flatnonzero(dones).tolist():
                 infos[index] = self._end(index)
-            return self._observed(np.arange(self.num_envs)), rewards, dones, infos
+            return self._observed(self._everyone), rewards, dones, infos
 
         def _end(self, index: int) -> dict[str, Any]:
             """Start a sub-environment's next episode and return what there is to say of the last."""
@@ -223,6 +224,7 @@ def _adapter() -> Callable[[TrackedVehicleVectorEnv[Any, Any], GaussianNoise | N
 
         def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
             """Return a frame of each sub-environment that is rendered, or none without a render mode."""
-            return self.vector.render() or [None] * self.num_envs
+            frames = None if self.render_mode is None else self.vector.render()
+            return frames or [None] * self.num_envs
 
     return BatchedVecEnv

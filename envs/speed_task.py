@@ -121,7 +121,8 @@ class SpeedTask(Task[SpeedConfig, SpeedEpisode]):
     def _profile(self, draws: FloatArray, surroundings: Surroundings, state: VehicleState) -> MotionProfile:
         """Return a profile that asks for ``effort`` of what the belts, the drive and the ground at the start allow."""
         config, (ground, vehicle) = self.config, surroundings
-        held = GRAVITY * max(0.0, grip_at(vehicle, ground, state.x, state.y) - math.hypot(*ground.gradient_at(state.x, state.y)))
+        steepness = math.hypot(*ground.gradient_at(state.x, state.y))
+        held = GRAVITY * max(0.0, grip_at(vehicle, ground, state.x, state.y) - steepness)
         ramp = config.effort * config.ramp_time / _STEEPEST
         largest_rise = ramp * min(vehicle.belt_acceleration, held)
         largest_turn = ramp * 2 * vehicle.belt_acceleration / vehicle.tread

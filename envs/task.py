@@ -206,7 +206,9 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         ConfigurationError
             If the reset option ``terrain`` is of another mode.
         """
-        drawn = Surroundings(self.ground, self.vehicle) if self._randomizer is None else self._randomizer.draw(generator)
+        drawn = Surroundings(self.ground, self.vehicle)
+        if self._randomizer is not None:
+            drawn = self._randomizer.draw(generator)
         if "terrain" not in options:
             return drawn
         ground = self.prepare_ground(options["terrain"])

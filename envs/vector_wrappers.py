@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..terrain import ConfigurationError
 from .disturbances import Delay, DelayLine, GaussianNoise, Rows
 from .observation import Observation
-from .vector import sub_seeds
+from .vector_arguments import sub_seeds
 
 _Flags = NDArray[np.bool_]
 _Step = tuple[Observation, NDArray[np.float64], _Flags, _Flags, dict[str, Any]]
@@ -67,15 +67,13 @@ class VectorObservationNoise(_Disturbed):
         If the standard deviations have another shape or are impossible.
     """
 
-    def __init__(
-        self, env: VectorEnv[Observation, ArrayLike, NDArray[Any]], standard_deviation: ArrayLike
-    ) -> None:
+    def __init__(self, env: VectorEnv[Observation, ArrayLike, NDArray[Any]], standard_deviation: ArrayLike) -> None:
         super().__init__(env, standard_deviation=standard_deviation)
         self._noise = GaussianNoise(standard_deviation, env.single_observation_space, env.num_envs)
         self._everyone = np.arange(env.num_envs)
         self._shown = np.zeros(env.observation_space.shape or (), np.float32)
 
-    def reset(  # type: ignore[override]
+    def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode in every sub-environment, or where ``options["reset_mask"]`` holds."""
@@ -123,7 +121,7 @@ class VectorActionDelay(_Disturbed):
         super().__init__(env, delay=delay)
         self._line = DelayLine(delay, env.single_action_space, env.num_envs)
 
-    def reset(  # type: ignore[override]
+    def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode in every sub-environment, or where ``options["reset_mask"]`` holds."""
