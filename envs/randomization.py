@@ -16,7 +16,6 @@ from ..terrain import (
     Ground,
     InvalidInputError,
     Mode,
-    ParameterRanges,
     RigidTerrain,
     SlopedGround,
     SoilTerrain,
@@ -38,6 +37,7 @@ DRAWN_VEHICLE_NAMES: Final = ("belt_time_constant", "belt_acceleration", "yaw_in
 
 _LARGEST_FACTOR: Final = 1e3
 _MOST_PARAMETERS: Final = 4
+_DRAWN_NUMBERS: Final = _MOST_PARAMETERS + len(DRAWN_VEHICLE_NAMES)
 
 
 @dataclass(frozen=True)
@@ -176,16 +176,23 @@ class Randomizer:
             for index, name in enumerate(DRAWN_VEHICLE_NAMES)
             if (pair := getattr(randomization, name)) is not None
         ]
-        self._ground: Final = _ground_draw(randomization.terrain, ground, prepare)
+        terrain = randomization.terrain
+        self._own: Final = ground
+        self._prepare: Final = prepare
+        self._ranges: Final = parameter_ranges(terrain, ground.mode) if isinstance(terrain, str) else None
+        self._scales: Final = _scales(terrain, ground.mode) if isinstance(terrain, dict) else None
+        named = terrain if isinstance(terrain, tuple) else ()
+        #: Those that one is drawn from, where grounds are named.
+        self.grounds: Final = tuple(prepare(_resolved(each, ground.mode)) for each in named)
         for end in (0.0, 1.0):
-            self._at(np.full(_MOST_PARAMETERS + len(DRAWN_VEHICLE_NAMES), end))
+            self._at(np.full(_DRAWN_NUMBERS, end))
 
     def draw(self, generator: np.random.Generator) -> Surroundings:
         """Draw ground and vehicle of an episode."""
-        return self._at(generator.random(_MOST_PARAMETERS + len(DRAWN_VEHICLE_NAMES)))
+        return self._at(generator.random(_DRAWN_NUMBERS))
 
     def _at(self, draw: FloatArray) -> Surroundings:
-        ground = self._ground(draw[:_MOST_PARAMETERS])
+        ground = self._ground_at(draw[:_MOST_PARAMETERS])
         if not self._factors:
             return Surroundings(ground, self._vehicle)
         shares = draw[_MOST_PARAMETERS:].tolist()
@@ -195,18 +202,17 @@ class Randomizer:
         }
         return Surroundings(ground, replace(self._vehicle, **drawn))
 
-
-def _ground_draw(terrain: Any, ground: Ground, prepare: Callable[[Ground], Ground]) -> Callable[[FloatArray], Ground]:
-    """Return the ground as a function of four numbers in [0, 1]."""
-    if terrain is None:
-        return lambda draw: ground
-    if isinstance(terrain, str):
-        ranges = parameter_ranges(terrain, ground.mode)
-        return lambda draw: prepare(_at_ranges(ranges, draw))
-    if isinstance(terrain, Mapping):
-        return _scaling(terrain, ground)
-    grounds = [prepare(_resolved(each, ground.mode)) for each in terrain]
-    return lambda draw: grounds[min(int(draw[0] * len(grounds)), len(grounds) - 1)]
+    def _ground_at(self, draw: FloatArray) -> Ground:
+        if self.grounds:
+            return self.grounds[min(int(draw[0] * len(self.grounds)), len(self.grounds) - 1)]
+        if self._ranges is not None:
+            theta = self._ranges.at(draw[: len(self._ranges.low)]).tolist()
+            return self._prepare(terrain_type(self._ranges.mode)(*theta))
+        if self._scales is not None:
+            shares = draw[: len(self._scales)].tolist()
+            factors = [_log_uniform(*pair, share) for pair, share in zip(self._scales, shares, strict=True)]
+            return _scaled(self._own, np.array(factors))
+        return self._own
 
 
 def _resolved(ground: Any, mode: Mode) -> Ground:
@@ -218,25 +224,13 @@ def _resolved(ground: Any, mode: Mode) -> Ground:
     return resolved
 
 
-def _at_ranges(ranges: ParameterRanges, draw: FloatArray) -> Ground:
-    return terrain_type(ranges.mode)(*ranges.at(draw[: len(ranges.low)]).tolist())
-
-
-def _scaling(factors: Mapping[str, Factors], ground: Ground) -> Callable[[FloatArray], Ground]:
-    """Return the ground with its parameters times drawn factors."""
-    names = interface(ground.mode).parameter_names
+def _scales(factors: Mapping[str, Factors], mode: Mode) -> list[Factors]:
+    """Return the factors of every parameter, in interface order."""
+    names = interface(mode).parameter_names
     for name in factors:
         if name not in names:
-            raise unknown_name(f"{ground.mode} terrain parameter", name, names)
-    pairs = [factors.get(name, (1.0, 1.0)) for name in names]
-
-    def scaled(draw: FloatArray) -> Ground:
-        shares = draw[: len(pairs)].tolist()
-        return _scaled(
-            ground, np.array([_log_uniform(*pair, share) for pair, share in zip(pairs, shares, strict=True)])
-        )
-
-    return scaled
+            raise unknown_name(f"{mode} terrain parameter", name, names)
+    return [factors.get(name, (1.0, 1.0)) for name in names]
 
 
 def _scaled(ground: Ground, factors: FloatArray) -> Ground:

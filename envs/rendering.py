@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..terrain import FloatArray, Ground, InvalidInputError, TrackedVehicle, unknown_name
 from ..terrain.parameters import require_in
-from .canvas import Canvas, Color, blend
+from .canvas import Canvas, Color
 from .grip import grip_at, grip_map
 from .path import Path
 from .state import VehicleState
+from .vehicle_picture import draw_vehicle, full_slip, slip_color
 
 RenderMode = Literal["rgb_array", "human"]
 RENDER_MODES: Final[tuple[RenderMode, ...]] = get_args(RenderMode)
@@ -27,13 +28,6 @@ _CONE: Final[Color] = (232, 101, 32)
 _RUT: Final[Color] = (158, 140, 109)
 _PATH: Final[Color] = (38, 92, 168)
 _TRAIL: Final[Color] = (136, 66, 20)
-_BELT: Final[Color] = (66, 66, 64)
-_BELT_SLIPPING: Final[Color] = (226, 52, 36)
-_BAR: Final[Color] = (22, 22, 22)
-_HULL: Final[Color] = (94, 108, 72)
-_HULL_DARK: Final[Color] = (66, 78, 50)
-_HULL_LIGHT: Final[Color] = (124, 138, 98)
-_ARROW: Final[Color] = (252, 214, 60)
 _INK: Final[Color] = (34, 32, 28)
 _PAPER: Final[Color] = (246, 242, 232)
 
@@ -43,12 +37,8 @@ _COMMAND: Final[Color] = (38, 92, 168)
 _GRIPS: Final[tuple[Color, ...]] = ((205, 226, 240), (214, 208, 190), (186, 170, 140), (152, 132, 102), (118, 100, 78))
 
 _VEHICLES_PER_VIEW: Final = 6.0
-_BARS_PER_TRACK: Final = 9
-_ARROW_SECONDS: Final = 0.5
 _COMMAND_SECONDS: Final = 2.0
 _LEGEND_STEPS: Final = 16
-_FULL_SLIP: Final = 0.2
-"""Slip speed, over the training speed, at which a belt is drawn fully red."""
 
 
 class Renderer:
@@ -159,7 +149,7 @@ class Renderer:
         slips = self._slip_speeds(state)
         if command is not None:
             self._draw_command(state, *command)
-        self._draw_vehicle(state, slips)
+        draw_vehicle(self._canvas, self._vehicle, state, slips, self._belts)
         self._canvas.finish()
         self._canvas.ruler(_round_length(0.4 * float(self._canvas.reach[0])), _INK)
         rows: list[tuple[str, ...]] = [(label,)] if label else []
@@ -224,11 +214,8 @@ class Renderer:
             self._canvas.circle(_COMMAND, points[-1], 0.09 * self._extent)
 
     def _draw_gauges(self, slips: tuple[float, float], *, varied: bool) -> None:
-        full = _FULL_SLIP * self._vehicle.training_speed
-        bars = [
-            (side, slip / full, blend(_BELT, _BELT_SLIPPING, abs(slip) / full))
-            for side, slip in zip("LR", slips, strict=True)
-        ]
+        full = full_slip(self._vehicle)
+        bars = [(side, slip / full, slip_color(self._vehicle, slip)) for side, slip in zip("LR", slips, strict=True)]
         self._canvas.gauge("track slip", bars, f"{full:.1f} m/s", _INK, _PAPER)
         if varied:
             steps = _grip_colors(np.linspace(0.0, 1.0, _LEGEND_STEPS)).tolist()
@@ -265,49 +252,6 @@ class Renderer:
         for dash in self._dashes[canvas.visible(self._dashes, 0.0).any(axis=1)]:
             canvas.line(_PATH, dash, 0.04 * self._extent)
         canvas.line(_TRAIL, trail, 0.025 * self._extent)
-
-    def _draw_vehicle(self, state: VehicleState, slips: tuple[float, float]) -> None:
-        canvas, vehicle = self._canvas, self._vehicle
-        cosine, sine = math.cos(state.heading), math.sin(state.heading)
-        turn = np.array([[cosine, sine], [-sine, cosine]])
-
-        def body(points: ArrayLike) -> FloatArray:
-            placed: FloatArray = np.asarray(points, dtype=np.float64) @ turn + (state.x, state.y)
-            return placed
-
-        def box(rear: float, front: float, right: float, left: float) -> FloatArray:
-            return body([(rear, right), (front, right), (front, left), (rear, left)])
-
-        length, width = vehicle.contact_length, vehicle.track_width
-        rear, front = vehicle.contact_center - length / 2, vehicle.contact_center + length / 2
-        pitch = length / _BARS_PER_TRACK
-        for y, slip, moved in zip((vehicle.tread / 2, -vehicle.tread / 2), slips, self._belts, strict=True):
-            share = abs(slip) / (_FULL_SLIP * vehicle.training_speed)
-            canvas.polygon(blend(_BELT, _BELT_SLIPPING, share), box(rear, front, y - width / 2, y + width / 2))
-            for bar in rear + moved % pitch + pitch * np.arange(_BARS_PER_TRACK):
-                thick = min(0.25 * pitch, front - bar)
-                canvas.polygon(_BAR, box(bar, bar + thick, y - width / 2, y + width / 2))
-        inner = vehicle.tread / 2 - 0.4 * width
-        nose = front - 0.14 * length
-        glacis = [(nose, -inner), (front, -0.8 * inner), (front, 0.8 * inner), (nose, inner)]
-        canvas.polygon(_HULL, box(rear, nose, -inner, inner))
-        canvas.polygon(_HULL_LIGHT, body(glacis))
-        canvas.polygon(_HULL_DARK, box(rear + 0.07 * length, rear + 0.4 * length, -0.6 * inner, 0.6 * inner))
-        canvas.circle(_HULL_DARK, body((rear + 0.62 * length, 0.4 * inner)), 0.28 * inner)
-        self._draw_arrow(state, body)
-
-    def _draw_arrow(self, state: VehicleState, body: Callable[[ArrayLike], FloatArray]) -> None:
-        speed = math.hypot(state.vx, state.vy)
-        length = speed * _ARROW_SECONDS
-        if length < 0.05 * self._extent:
-            return
-        along = np.array([state.vx, state.vy]) / speed
-        across = np.array([-along[1], along[0]])
-        head = min(0.22 * self._extent, length)
-        tip, neck, half = length * along, (length - head) * along, 0.025 * self._extent * across
-        spread = 0.4 * head * across
-        self._canvas.polygon(_ARROW, body([half, neck + half, neck + spread, tip, neck - spread, neck - half, -half]))
-        self._canvas.circle(_ARROW, (state.x, state.y), 0.05 * self._extent)
 
     def _show(self) -> None:
         pygame = self._canvas.pygame

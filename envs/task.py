@@ -198,6 +198,11 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
             return None
         return Randomizer(config.randomize, self.ground, self.vehicle, self.prepare_ground)
 
+    @property
+    def grounds(self) -> tuple[Ground, ...]:
+        """The task's ground, and those that its randomization names."""
+        return (self.ground, *(() if self._randomizer is None else self._randomizer.grounds))
+
     def surroundings(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Surroundings:
         """Draw ground and vehicle of an episode, after everything else that its start draws.
 

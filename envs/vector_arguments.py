@@ -51,7 +51,8 @@ def make_batch(
     try:
         compiled_kernel(built.primary if isinstance(built, GuardedBackend) else built)
         compiled_guard(built)
-        compiled_ground(task.ground, {})
+        for ground in task.grounds:
+            compiled_ground(ground, {})
     except ConfigurationError as error:
         raise ConfigurationError(
             f"{error}. In gymnasium.make_vec, vectorization_mode='sync' steps single environments in turn"

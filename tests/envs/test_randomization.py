@@ -2,17 +2,21 @@
 
 import json
 import math
+import pickle
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env as check_gymnasium
 
 import grouser  # noqa: F401 - registers the environments
 from grouser.envs import PathTrackingEnv, Randomization, SpeedTrackingEnv
 from grouser.envs.randomization import DRAWN_VEHICLE_NAMES
 from grouser.envs.tracking_config import tracking_config
+from grouser.surrogate import Surrogate
 from grouser.terrain import (
     ConfigurationError,
     Disc,
@@ -34,6 +38,18 @@ COARSE: dict[str, Any] = {"backend": "physics", "backend_options": {"cells": (2,
 VEHICLE = {"belt_time_constant": (0.5, 2.0), "belt_acceleration": (0.8, 1.25), "yaw_inertia": (0.8, 1.25)}
 M113 = TrackedVehicle.preset("m113")
 both_tasks = pytest.mark.parametrize("kind", [PathTrackingEnv, SpeedTrackingEnv])
+
+
+class Checkered:
+    """A ground that only Python knows."""
+
+    mode: Mode = "rigid"
+
+    def parameters_at(self, x: float, y: float) -> Any:
+        return named("asphalt" if round(x + y) % 2 else "ice").parameters
+
+    def gradient_at(self, x: float, y: float) -> tuple[float, float]:
+        return 0.0, 0.0
 
 
 def path_env(**settings: Any) -> PathTrackingEnv:
@@ -198,6 +214,24 @@ def assert_equal(ours: Any, theirs: Any) -> None:
             assert ours.tobytes() == theirs.tobytes()
 
 
+class TestCheckers:
+    @pytest.fixture(params=["physics", "torch", "native", "guarded"])
+    def options(self, request: pytest.FixtureRequest, make_surrogate: Callable[[Mode], Surrogate]) -> dict[str, Any]:
+        backend: str = request.param
+        if backend == "torch":
+            pytest.importorskip("torch")
+        artifact = {"cells": (2, 1)} if backend == "physics" else {"artifact": make_surrogate("rigid")}
+        return {"backend": backend, "backend_options": artifact, "randomize": VEHICLE | {"terrain": "wide"}}
+
+    @both_tasks
+    def test_gymnasium(self, kind: Any, options: dict[str, Any]) -> None:
+        check_gymnasium(kind(**options), skip_render_check=True)
+
+    @both_tasks
+    def test_stable_baselines(self, kind: Any, options: dict[str, Any]) -> None:
+        pytest.importorskip("stable_baselines3.common.env_checker").check_env(kind(**options))
+
+
 class TestRefusals:
     @pytest.mark.parametrize(
         ("settings", "message"),
@@ -231,17 +265,25 @@ class TestRefusals:
             path_env(randomize=settings)
 
     def test_a_ground_without_parameters_of_its_own_has_none_to_scale(self) -> None:
-        class Checkered:
-            mode: Mode = "rigid"
-
-            def parameters_at(self, x: float, y: float) -> Any:
-                return named("asphalt").parameters
-
-            def gradient_at(self, x: float, y: float) -> tuple[float, float]:
-                return 0.0, 0.0
-
         with pytest.raises(ConfigurationError, match="not to a Checkered"):
             path_env(terrain=Checkered(), randomize={"terrain": {"mu": (0.5, 1.0)}})
+
+    def test_a_batch_draws_compiled_grounds_alone(self) -> None:
+        with pytest.raises(ConfigurationError, match="vectorization_mode='sync'"):
+            gymnasium.make_vec(PATH, 2, "vector_entry_point", randomize={"terrain": ("asphalt", Checkered())}, **COARSE)
+
+
+@pytest.mark.parametrize("terrain", ["wide", ("asphalt", "ice"), {"mu": (0.5, 1.2)}])
+def test_a_copied_environment_draws_on(terrain: Any) -> None:
+    env: Any = gymnasium.make_vec(
+        PATH, 2, "vector_entry_point", randomize=VEHICLE | {"terrain": terrain}, **COARSE
+    ).unwrapped
+    env.reset(seed=0)
+    again = pickle.loads(pickle.dumps(env))
+    for _ in range(2):
+        assert_equal(again.reset(), env.reset())
+    actions = np.full((2, 2), 0.5, np.float32)
+    assert_equal(again.step(actions), env.step(actions))
 
 
 def test_settings_survive_json() -> None:

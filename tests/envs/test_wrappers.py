@@ -159,7 +159,7 @@ class TestVector:
         """In mode Disabled, an episode begins in a masked reset alone."""
         theirs = SyncVectorEnv([lambda: ActionDelay(make(SPEED, time_limit=0.2), 1)] * 2, autoreset_mode="Disabled")
         inner = SyncVectorEnv([lambda: make(SPEED, time_limit=0.2)] * 2, autoreset_mode=AutoresetMode.DISABLED)
-        ours: Any = VectorActionDelay(inner, 1)  # type: ignore[arg-type]
+        ours: Any = VectorActionDelay(inner, 1)
         assert ours.reset(seed=0)[0].tobytes() == theirs.reset(seed=0)[0].tobytes()
         for each in actions(2, 6):
             outcome, reference = ours.step(each), theirs.step(each)
