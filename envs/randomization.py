@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, NamedTuple
@@ -28,9 +29,13 @@ from ..terrain import (
     terrain_type,
     unknown_name,
 )
+from ..terrain.parameters import RangeName
 
 #: Lowest and highest factor on a number, drawn log-uniformly between them.
 Factors = tuple[float, float]
+
+#: Ranges by name, grounds of which one is drawn, or factors on parameters of the task's own ground.
+TerrainChoice = RangeName | Sequence[str | os.PathLike[str] | Ground | Mapping[str, Any]] | Mapping[str, Factors]
 
 #: What of the vehicle lies outside the force block, so that every backend holds whatever is drawn.
 DRAWN_VEHICLE_NAMES: Final = ("belt_time_constant", "belt_acceleration", "yaw_inertia")
@@ -66,7 +71,7 @@ class Randomization:
     (0.8, 1.25)
     """
 
-    terrain: Any = None
+    terrain: TerrainChoice | None = None
     belt_time_constant: Factors | None = None
     belt_acceleration: Factors | None = None
     yaw_inertia: Factors | None = None
@@ -99,7 +104,7 @@ class Randomization:
         return cls(**settings)
 
 
-def _checked_terrain(terrain: Any) -> Any:
+def _checked_terrain(terrain: Any) -> TerrainChoice | None:
     """Return a terrain to draw, its containers copied."""
     if isinstance(terrain, str):
         if terrain not in RANGE_NAMES:
