@@ -19,6 +19,9 @@ from ..terrain import (
     TrackedVehicle,
 )
 
+# NumPy's tangent differs in its last bit from processor to processor, and commands are drawn by the grip.
+_TANGENT: Final = np.frompyfunc(math.tan, 1, 1)
+
 # Places a side of a view at which a ground that is neither a terrain nor a field is looked at.
 _SAMPLES: Final = 32
 
@@ -59,7 +62,7 @@ def grip(vehicle: TrackedVehicle, mode: Mode, theta: FloatArray) -> FloatArray:
         mu: FloatArray = theta[..., 0]
         return mu
     area = 2 * vehicle.track_width * vehicle.element_length * vehicle.road_wheels
-    share: FloatArray = theta[..., 0] * area / vehicle.weight + np.tan(theta[..., 1])
+    share: FloatArray = np.asarray(theta[..., 0] * area / vehicle.weight + _TANGENT(theta[..., 1]), dtype=np.float64)
     return share
 
 

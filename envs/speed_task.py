@@ -13,7 +13,7 @@ import numpy as np
 from ..native import Speed
 from ..terrain import GRAVITY, FloatArray, Ground, InvalidInputError, TrackedVehicle
 from ..terrain.parameters import require_in
-from .grip import grip_at
+from .grip import grip
 from .motion_profile import MotionProfile
 from .observation import LOOK_AHEAD_TIMES
 from .randomization import Surroundings
@@ -122,7 +122,7 @@ class SpeedTask(Task[SpeedConfig, SpeedEpisode]):
         """Return a profile that asks for ``effort`` of what the belts, the drive and the ground at the start allow."""
         config, (ground, vehicle) = self.config, surroundings
         steepness = math.hypot(*ground.gradient_at(state.x, state.y))
-        held = GRAVITY * max(0.0, grip_at(vehicle, ground, state.x, state.y) - steepness)
+        held = GRAVITY * max(0.0, float(grip(vehicle, ground.mode, ground.parameters_at(state.x, state.y))) - steepness)
         ramp = config.effort * config.ramp_time / _STEEPEST
         largest_rise = ramp * min(vehicle.belt_acceleration, held)
         largest_turn = ramp * 2 * vehicle.belt_acceleration / vehicle.tread

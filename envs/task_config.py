@@ -132,8 +132,8 @@ def changed_config(config: _Config, settings: Mapping[str, Any]) -> _Config:
             raise unknown_name("setting", key, known)
         if key not in config.changeable:
             raise ConfigurationError(
-                f"{key} shapes spaces, periods or the reward that the engine was made with: make another environment. "
-                f"Between episodes these can change: {', '.join(sorted(config.changeable))}"
+                f"{key} holds for the life of an environment, whose spaces, engine and reward are made with it: make "
+                f"another environment. Between episodes these can change: {', '.join(sorted(config.changeable))}"
             )
     return replace(config, **settings)
 

@@ -71,7 +71,7 @@ def test_a_batch_is_reconfigured_as_a_single_environment_is(name: str) -> None:
 def test_what_the_engine_was_made_with_stays(name: str, key: str) -> None:
     env = make(name)
     before = env.config
-    with pytest.raises(ConfigurationError, match=f"{key} shapes .* make another environment"):
+    with pytest.raises(ConfigurationError, match=f"{key} holds for the life .* another environment"):
         env.reconfigure(lowest_start_speed=0.1, **{key: 0.2})
     assert env.config is before
 
