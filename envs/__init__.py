@@ -16,7 +16,7 @@ from .simulator import Simulator, TickRecord
 from .speed_config import SpeedConfig, SpeedResetOptions
 from .speed_tracking import SpeedTrackingEnv
 from .state import BeltCommand, Driver, VehicleState
-from .task_config import TaskConfig
+from .task_config import RandomizedTaskConfig, TaskConfig
 from .tick import INTEGRATORS, Integrator
 from .tracking import PathTrackingEnv
 from .tracking_config import ResetOptions, TrackingConfig
@@ -44,6 +44,7 @@ __all__ = [
     "PathTrackingEnv",
     "Projection",
     "Randomization",
+    "RandomizedTaskConfig",
     "ResetOptions",
     "RewardFunction",
     "Simulator",

@@ -94,6 +94,7 @@ class Renderer:
         self._window: Any = None
         self._clock: Any = None
         self._closed = False
+        self._varied = False
         self.reset()
 
     def reset(self) -> None:
@@ -143,13 +144,13 @@ class Renderer:
             raise InvalidInputError("this renderer was closed; make a new one")
         self._remember(state)
         self._canvas.start((state.x, state.y), _GROUND)
-        varied = ground is not None and self._draw_grip(ground)
-        self._draw_surface(filled=not varied)
+        self._varied = ground is not None and self._draw_grip(ground)
+        self._draw_ground()
         self._draw_trail([*(pose[:2] for pose in self._poses), (state.x, state.y)] if trail is None else trail)
         slips = self._slip_speeds(state)
         if command is not None:
             self._draw_command(state, *command)
-        draw_vehicle(self._canvas, self._vehicle, state, slips, self._belts)
+        self._draw_vehicle(state, slips)
         self._canvas.finish()
         self._canvas.ruler(_round_length(0.4 * float(self._canvas.reach[0])), _INK)
         rows: list[tuple[str, ...]] = [(label,)] if label else []
@@ -165,7 +166,7 @@ class Renderer:
         if ground is not None:
             rows.append(("grip", f"{grip_at(self._vehicle, ground, state.x, state.y):.2f}"))
         self._canvas.panel(rows, _INK, _PAPER)
-        self._draw_gauges(slips, varied=varied)
+        self._draw_gauges(slips)
         if self._mode == "human":
             self._show()
             return None
@@ -213,15 +214,15 @@ class Renderer:
         if abs(speed) * _COMMAND_SECONDS > 0.1 * self._extent:
             self._canvas.circle(_COMMAND, points[-1], 0.09 * self._extent)
 
-    def _draw_gauges(self, slips: tuple[float, float], *, varied: bool) -> None:
+    def _draw_gauges(self, slips: tuple[float, float]) -> None:
         full = full_slip(self._vehicle)
         bars = [(side, slip / full, slip_color(self._vehicle, slip)) for side, slip in zip("LR", slips, strict=True)]
         self._canvas.gauge("track slip", bars, f"{full:.1f} m/s", _INK, _PAPER)
-        if varied:
+        if self._varied:
             steps = _grip_colors(np.linspace(0.0, 1.0, _LEGEND_STEPS)).tolist()
             self._canvas.legend("grip", [(red, green, blue) for red, green, blue in steps], ("0", "1"), _INK)
 
-    def _draw_surface(self, *, filled: bool) -> None:
+    def _draw_ground(self) -> None:
         canvas, size = self._canvas, self._extent
         step = _round_length(2.0 * size)
         low, high = canvas.center - canvas.reach, canvas.center + canvas.reach
@@ -234,7 +235,7 @@ class Renderer:
                 continue
             x = np.linspace(lane.start, lane.end, max(2, round((lane.end - lane.start) / 5) + 1))
             right, left = (np.column_stack([x, np.full_like(x, y)]) for y in (lane.right, lane.left))
-            if filled:
+            if not self._varied:
                 canvas.ribbon(_LANE, right, left)
             for edge in (right, left):
                 canvas.line(_EDGE, edge, 0.025 * size)
@@ -252,6 +253,9 @@ class Renderer:
         for dash in self._dashes[canvas.visible(self._dashes, 0.0).any(axis=1)]:
             canvas.line(_PATH, dash, 0.04 * self._extent)
         canvas.line(_TRAIL, trail, 0.025 * self._extent)
+
+    def _draw_vehicle(self, state: VehicleState, slips: tuple[float, float]) -> None:
+        draw_vehicle(self._canvas, self._vehicle, state, slips, self._belts)
 
     def _show(self) -> None:
         pygame = self._canvas.pygame

@@ -11,7 +11,7 @@ from ..terrain import Ground, InvalidInputError
 from ..terrain.parameters import require_in
 from .motion_profile import MotionProfile
 from .state import VehicleState
-from .task_config import TaskConfig, build_config, check_options
+from .task_config import RandomizedTaskConfig, build_config, check_options
 
 
 class SpeedResetOptions(TypedDict, total=False):
@@ -36,8 +36,8 @@ class SpeedResetOptions(TypedDict, total=False):
 
 
 @dataclass(frozen=True)
-class SpeedConfig(TaskConfig):
-    """Settings of ``grouser/SpeedTracking-v0``, after those of :class:`TaskConfig`.
+class SpeedConfig(RandomizedTaskConfig):
+    """Settings of ``grouser/SpeedTracking-v0``, after those of :class:`RandomizedTaskConfig`.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class SpeedConfig(TaskConfig):
         If the action mode, the integrator, the ground sampling or what to randomize is unknown.
     """
 
-    changeable: ClassVar = TaskConfig.changeable | {"lowest_speed", "highest_speed", "effort"}
+    changeable: ClassVar = RandomizedTaskConfig.changeable | {"lowest_speed", "highest_speed", "effort"}
 
     lowest_speed: float = 0.0
     highest_speed: float | None = None

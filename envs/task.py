@@ -29,7 +29,7 @@ from .randomization import DRAWN_VEHICLE_NAMES, Randomizer, Surroundings
 from .rollout import whole_ratio
 from .simulator import TickRecord
 from .state import VehicleState
-from .task_config import TaskConfig, changed_config
+from .task_config import RandomizedTaskConfig, changed_config
 
 # Cells of the block that the slip power is taken from, whatever the backend: a plain network has no track forces.
 _SLIP_POWER_CELLS: Final = (2, 1)
@@ -37,7 +37,7 @@ _SLIP_POWER_CELLS: Final = (2, 1)
 #: Terms of the reward that every task has, after its own.
 SHARED_TERMS: Final = ("action_change", "slip_power")
 
-ConfigT = TypeVar("ConfigT", bound=TaskConfig)
+ConfigT = TypeVar("ConfigT", bound=RandomizedTaskConfig)
 EpisodeT = TypeVar("EpisodeT")
 
 
@@ -73,7 +73,7 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         The vehicle.
     terrain : str, path-like or Ground
         Ground of an episode unless its reset names another.
-    config : TaskConfig
+    config : RandomizedTaskConfig
         Settings.
 
     Raises

@@ -46,19 +46,14 @@ class TaskConfig:
         Initial speed is drawn from this share of the reference speed up to all of it.
     action_change_weight, slip_power_weight : float
         Weights of the reward's terms.
-    randomize : Randomization or mapping of its fields, optional
-        What differs from episode to episode beside the start.
 
     Raises
     ------
     InvalidInputError
         If a number is impossible.
     ConfigurationError
-        If the action mode, the integrator, the ground sampling or what to randomize is unknown.
+        If the action mode, the integrator or the ground sampling is unknown.
     """
-
-    #: Settings that concern only how episodes begin, and so may change between two of them.
-    changeable: ClassVar[frozenset[str]] = frozenset({"lowest_start_speed", "randomize"})
 
     action_mode: ActionMode = "belts"
     control_period: float = 0.1
@@ -73,7 +68,6 @@ class TaskConfig:
     lowest_start_speed: float = 0.5
     action_change_weight: float = 0.05
     slip_power_weight: float = 0.1
-    randomize: Randomization | None = None
 
     def __post_init__(self) -> None:
         if self.action_mode not in ACTION_MODES:
@@ -91,14 +85,41 @@ class TaskConfig:
         for field in fields(self):
             if field.name.endswith("_weight"):
                 require_in(field.name, getattr(self, field.name), 0.0, 1e6)
-        object.__setattr__(self, "randomize", Randomization.of(self.randomize))
 
     def _require_flag(self, name: str) -> None:
         if not isinstance(getattr(self, name), bool):
             raise InvalidInputError(f"{name} must be True or False, got {getattr(self, name)!r}")
 
 
+@dataclass(frozen=True)
+class RandomizedTaskConfig(TaskConfig):
+    """Settings of tasks whose ground and vehicle may differ from episode to episode, after those of :class:`TaskConfig`.
+
+    Parameters
+    ----------
+    randomize : Randomization or mapping of its fields, optional
+        What differs from episode to episode beside the start.
+
+    Raises
+    ------
+    InvalidInputError
+        If a number is impossible.
+    ConfigurationError
+        If the action mode, the integrator, the ground sampling or what to randomize is unknown.
+    """
+
+    #: Settings that concern only how episodes begin, and so may change between two of them.
+    changeable: ClassVar[frozenset[str]] = frozenset({"lowest_start_speed", "randomize"})
+
+    randomize: Randomization | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "randomize", Randomization.of(self.randomize))
+
+
 _Config = TypeVar("_Config", bound=TaskConfig)
+_Randomized = TypeVar("_Randomized", bound=RandomizedTaskConfig)
 
 
 def build_config(kind: type[_Config], task: str, settings: Mapping[str, Any]) -> _Config:
@@ -116,7 +137,7 @@ def build_config(kind: type[_Config], task: str, settings: Mapping[str, Any]) ->
     return kind(**settings)
 
 
-def changed_config(config: _Config, settings: Mapping[str, Any]) -> _Config:
+def changed_config(config: _Randomized, settings: Mapping[str, Any]) -> _Randomized:
     """Return settings with some changed, as is possible between episodes.
 
     Raises

@@ -118,7 +118,7 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         Parameters
         ----------
         **settings
-            Those of :class:`TaskConfig` and the task's own that ``changeable`` names.
+            Those that ``changeable`` of the task's configuration names.
 
         Raises
         ------

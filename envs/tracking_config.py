@@ -10,7 +10,7 @@ from typing import Any, ClassVar, TypedDict, cast
 from ..terrain import Ground
 from ..terrain.parameters import require_in
 from .state import VehicleState
-from .task_config import TaskConfig, build_config, check_options
+from .task_config import RandomizedTaskConfig, build_config, check_options
 
 
 class ResetOptions(TypedDict, total=False):
@@ -41,8 +41,8 @@ class ResetOptions(TypedDict, total=False):
 
 
 @dataclass(frozen=True)
-class TrackingConfig(TaskConfig):
-    """Settings of ``grouser/PathTracking-v0``, after those of :class:`TaskConfig`.
+class TrackingConfig(RandomizedTaskConfig):
+    """Settings of ``grouser/PathTracking-v0``, after those of :class:`RandomizedTaskConfig`.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class TrackingConfig(TaskConfig):
         If the action mode, the integrator, the ground sampling or what to randomize is unknown.
     """
 
-    changeable: ClassVar = TaskConfig.changeable | {"lateral_spread", "heading_spread", "random_start"}
+    changeable: ClassVar = RandomizedTaskConfig.changeable | {"lateral_spread", "heading_spread", "random_start"}
 
     reference_speed: float | None = None
     maximum_cross_track: float = 5.0
