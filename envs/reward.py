@@ -19,6 +19,9 @@ _Flags = NDArray[np.bool_]
 class StepView:
     """What one control period did, a row for each of n vehicles; the arrays are copies.
 
+    A vehicle that sat the period out, since a vector environment in mode ``NextStep`` begins its next episode, is shown
+    as its last one ended; its reward is 0 whatever the function says.
+
     Parameters
     ----------
     x, y, heading, vx, vy, yaw_rate, v_left, v_right : ndarray, shape (n,)
