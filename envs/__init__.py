@@ -8,21 +8,26 @@ from .log import STATE_NAMES, InterfaceLog, LogRecorder
 from .motion_profile import MotionProfile
 from .path import Path, Projection
 from .paths import make_path, path_names
+from .randomization import Randomization
 from .registration import register_environments
+from .reward import RewardFunction, StepView
 from .rollout import rollout
 from .simulator import Simulator, TickRecord
 from .speed_config import SpeedConfig, SpeedResetOptions
 from .speed_tracking import SpeedTrackingEnv
 from .state import BeltCommand, Driver, VehicleState
-from .task_config import TaskConfig
+from .task_config import RandomizedTaskConfig, TaskConfig
 from .tick import INTEGRATORS, Integrator
 from .tracking import PathTrackingEnv
 from .tracking_config import ResetOptions, TrackingConfig
+from .vector_wrappers import VectorActionDelay, VectorObservationNoise
+from .wrappers import ActionDelay, ObservationNoise
 
 __all__ = [
     "GROUND_SAMPLINGS",
     "INTEGRATORS",
     "STATE_NAMES",
+    "ActionDelay",
     "BeltCommand",
     "Corridor",
     "Driver",
@@ -34,17 +39,24 @@ __all__ = [
     "Lane",
     "LogRecorder",
     "MotionProfile",
+    "ObservationNoise",
     "Path",
     "PathTrackingEnv",
     "Projection",
+    "Randomization",
+    "RandomizedTaskConfig",
     "ResetOptions",
+    "RewardFunction",
     "Simulator",
     "SpeedConfig",
     "SpeedResetOptions",
     "SpeedTrackingEnv",
+    "StepView",
     "TaskConfig",
     "TickRecord",
     "TrackingConfig",
+    "VectorActionDelay",
+    "VectorObservationNoise",
     "VehicleFleet",
     "VehicleState",
     "advance_belts",

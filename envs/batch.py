@@ -15,7 +15,9 @@ from ..terrain import FloatArray, ForceBackend, InvalidInputError, parameter_ran
 from .engine import compiled_kernel
 from .fleet import VehicleFleet
 from .footing import sample_ground
+from .log import STATE_NAMES
 from .observation import OBSERVATION_BOUND
+from .reward import VIEWED_STATES, RewardFunction, StepView, columns, evaluate_reward
 from .simulator import TickRecord
 from .task import SHARED_TERMS, ConfigT, EpisodeT, Start, Task
 
@@ -41,6 +43,8 @@ class Batch(Generic[ConfigT, EpisodeT]):
         Number of vehicles.
     threads : int
         That share them.
+    reward : callable, optional
+        Takes the place of the task's own; see :class:`StepView`.
 
     Attributes
     ----------
@@ -52,6 +56,9 @@ class Batch(Generic[ConfigT, EpisodeT]):
         Of the reward, as ``term_names`` has them.
     measures : ndarray, shape (n, 2)
         What the task tells of a vehicle, in SI units.
+    drawn : ndarray, shape (n, k)
+        Of the episode, as the task's ``drawn_names`` have it, where ``randomized`` holds.
+    randomized : ndarray of bool, shape (n,)
     terminated, truncated : ndarray of bool, shape (n,)
 
     Raises
@@ -62,7 +69,15 @@ class Batch(Generic[ConfigT, EpisodeT]):
         If there is no vehicle or no thread.
     """
 
-    def __init__(self, task: Task[ConfigT, EpisodeT], backend: ForceBackend, count: int, *, threads: int = 1) -> None:
+    def __init__(
+        self,
+        task: Task[ConfigT, EpisodeT],
+        backend: ForceBackend,
+        count: int,
+        *,
+        threads: int = 1,
+        reward: RewardFunction | None = None,
+    ) -> None:
         config = task.config
         self.task: Final = task
         self.term_names: Final = (*task.terms, *SHARED_TERMS)
@@ -81,8 +96,11 @@ class Batch(Generic[ConfigT, EpisodeT]):
         self.rewards: Final[FloatArray] = np.zeros(count)
         self.terms: Final[FloatArray] = np.zeros((count, len(self.term_names)))
         self.measures: Final[FloatArray] = np.zeros((count, len(task.measures)))
+        self.drawn: Final[FloatArray] = np.zeros((count, len(task.drawn_names)))
+        self.randomized: Final[_Flags] = np.zeros(count, np.bool_)
         self.terminated: Final[_Flags] = np.zeros(count, np.bool_)
         self.truncated: Final[_Flags] = np.zeros(count, np.bool_)
+        self._reward = reward
         self._unbegun: _Flags = np.ones(count, np.bool_)
         self._actions = np.zeros((count, 2))
         self._poses = np.zeros((count, 3))
@@ -169,7 +187,13 @@ class Batch(Generic[ConfigT, EpisodeT]):
         """Begin an episode; its first observation and measures are in the arrays."""
         if self.fleet.ground(index) is not start.ground:
             self.fleet.set_ground(index, start.ground)
+        if self.fleet.get_vehicle(index) is not start.vehicle:
+            self.fleet.set_vehicle(index, start.vehicle)
         self.fleet.set_state(index, start.state)
+        drawn = self.task.drawn(start)
+        self.randomized[index] = drawn is not None
+        if drawn is not None:
+            self.drawn[index] = drawn
         self._memory[index] = self.task.remember(start.episode)
         self._episodes.begin(index)
         self._unbegun[index] = False
@@ -185,7 +209,8 @@ class Batch(Generic[ConfigT, EpisodeT]):
         Raises
         ------
         InvalidInputError
-            If the shape is another, or a number is not in [-1, 1]; nothing has moved then.
+            If the shape is another, or a number is not in [-1, 1]; nothing has moved then. If the reward function
+            returns another shape, or what is not finite.
         ResetNeeded
             If a vehicle has no episode yet.
         """
@@ -198,10 +223,33 @@ class Batch(Generic[ConfigT, EpisodeT]):
                 f"{given.dtype} of shape {given.shape}"
             )
         np.copyto(self._actions, given)
+        previous = None if self._reward is None else self._previous.copy()
         try:
             self._episodes.step()
         except ValueError as error:
             raise InvalidInputError(f"{error}, got {self._first_bad_action()}") from error
+        if self._reward is not None and previous is not None:
+            rewards = evaluate_reward(self._reward, self._view(previous))
+            np.copyto(self.rewards, rewards, where=~self.idle)
+
+    def _view(self, previous_actions: FloatArray) -> StepView:
+        fleet = self.fleet
+        broken_off = fleet.diverged | fleet.off_map
+        motion = dict(zip(STATE_NAMES, fleet.numbers.copy(), strict=True))
+        forces = np.array(fleet.record.forces, order="F")
+        forces[broken_off] = 0.0
+        return StepView(
+            **{name: motion[name] for name in VIEWED_STATES},
+            forces=forces,
+            actions=np.array(self._actions, order="F"),
+            previous_actions=np.array(previous_actions, order="F"),
+            measures=columns(self.task.measures, self.measures),
+            terms=columns(self.term_names, self.terms),
+            reward=self.rewards.copy(),
+            terminated=self.terminated.copy(),
+            truncated=self.truncated.copy(),
+            broken_off=broken_off,
+        )
 
     def _first_bad_action(self) -> list[float]:
         bad = ~(np.abs(self._actions) <= 1.0).all(axis=1) & ~self.idle

@@ -62,6 +62,13 @@ class Canvas:
         self.center = np.array(center)
         self._scene.fill(background)
 
+    def picture(self, colors: NDArray[np.uint8], low: tuple[float, float], high: tuple[float, float]) -> None:
+        """Fill a rectangle between two corners (x, y) in m with colors (rows, columns, 3), rows along y, smoothly."""
+        rows, columns = colors.shape[:2]
+        image = self.pygame.image.frombytes(np.ascontiguousarray(colors[::-1]).tobytes(), (columns, rows), "RGB")
+        (left, bottom), (right, top) = self._pixels([low, high]).round().astype(int).tolist()
+        self._scene.blit(self.pygame.transform.smoothscale(image, (right - left, bottom - top)), (left, top))
+
     def polygon(self, color: Color, points: ArrayLike) -> None:
         """Fill a polygon with corners (n, 2) in m."""
         self.pygame.draw.polygon(self._scene, color, self._pixels(points).tolist())
@@ -122,6 +129,51 @@ class Canvas:
             self.pygame.draw.line(self.frame, ink, (x, bottom - 6), (x, bottom), 2)
         text = self.font.render(f"{meters:g} m", True, ink)
         self.frame.blit(text, ((left + right - text.get_width()) / 2, bottom - 6 - text.get_height()))
+
+    def gauge(self, title: str, rows: Sequence[tuple[str, float, Color]], ends: str, ink: Color, paper: Color) -> None:
+        """Draw bars from the middle of a box at the bottom left of the frame.
+
+        Parameters
+        ----------
+        title, ends : str
+            Above the bars, and what a full bar stands for.
+        rows : sequence of (label, share, color)
+            Share of half the box in [-1, 1]; negative to the left.
+        ink, paper : Color
+            Of text and box.
+        """
+        gap, height, half = 12, self.font.get_linesize() + 2, max(48, self.size[0] // 14)
+        labels = [self.font.render(text, True, ink) for text in (title, f"±{ends}", *(label for label, _, _ in rows))]
+        indent = gap + max(label.get_width() for label in labels[2:]) + gap
+        size = (indent + 2 * half + gap, height * (len(rows) + 1) + gap)
+        corner = (gap, self.size[1] - size[1] - gap)
+        box = self.pygame.Surface(size, 0, 32)
+        box.fill(paper)
+        box.set_alpha(215)
+        self.frame.blit(box, corner)
+        top = corner[1] + gap // 2
+        self.frame.blit(labels[0], (corner[0] + gap, top))
+        self.frame.blit(labels[1], (corner[0] + size[0] - gap - labels[1].get_width(), top))
+        middle = corner[0] + indent + half
+        for line, (label, (_, share, color)) in enumerate(zip(labels[2:], rows, strict=True)):
+            y = top + height * (line + 1)
+            self.frame.blit(label, (corner[0] + gap, y))
+            length = round(half * min(1.0, max(-1.0, share)))
+            self.pygame.draw.rect(self.frame, color, (min(middle, middle + length), y + 2, abs(length), height - 6))
+        self.pygame.draw.line(self.frame, ink, (middle, top + height), (middle, top + height * (len(rows) + 1) - 4), 2)
+
+    def legend(self, title: str, colors: Sequence[Color], ends: tuple[str, str], ink: Color) -> None:
+        """Draw a bar of colors at the bottom of the frame, left of the ruler, with a name and what its ends stand for."""
+        step, height = max(4, self.size[0] // 120), max(8, self.size[1] // 45)
+        left, top = round(0.6 * self.size[0]) - step * len(colors), self.size[1] - 20 - height
+        for index, color in enumerate(colors):
+            self.pygame.draw.rect(self.frame, color, (left + step * index, top, step, height))
+        self.pygame.draw.rect(self.frame, ink, (left, top, step * len(colors), height), 1)
+        name, first, last = (self.font.render(text, True, ink) for text in (title, *ends))
+        above = top - 4 - name.get_height()
+        self.frame.blit(name, (left + (step * len(colors) - name.get_width()) / 2, above))
+        self.frame.blit(first, (left, above))
+        self.frame.blit(last, (left + step * len(colors) - last.get_width(), above))
 
     def to_array(self) -> NDArray[np.uint8]:
         """Return the frame, shape (height, width, 3)."""

@@ -80,7 +80,7 @@ class VehicleFleet:
     Parameters
     ----------
     vehicle : str or TrackedVehicle
-        Preset name or vehicle.
+        Preset name or vehicle; :meth:`set_vehicle` gives one of them a driveline and a yaw inertia of its own.
     backend : str or ForceBackend
         A compiled one: ``"physics"``, ``"exact"``, ``"native"``, or ``"guarded"`` over two of them.
     ground : str, Ground, or iterable of Ground
@@ -142,6 +142,7 @@ class VehicleFleet:
         self._fields: MutableMapping[TerrainField, Field] = WeakKeyDictionary()
         self._threads = threads
         self._fleet = self._compile()
+        self._vehicles = [self.vehicle] * count
         self._grounds = list(grounds)
         for index, each in enumerate(grounds):
             self.set_ground(index, each)
@@ -183,7 +184,8 @@ class VehicleFleet:
         vars(self).update(state)
         self._fields = WeakKeyDictionary()
         self._fleet = self._compile()
-        for index, ground in enumerate(self._grounds):
+        for index, (vehicle, ground) in enumerate(zip(self._vehicles, self._grounds, strict=True)):
+            self.set_vehicle(index, vehicle)
             self.set_ground(index, ground)
 
     def __len__(self) -> int:
@@ -237,6 +239,36 @@ class VehicleFleet:
         score, reason, worst = self._record[[_SCORE, _REASON, _WORST], index].tolist()
         column = self.backend.interface.names[int(worst)] if worst >= 0 else "primary output"
         return Detection(score, _REASONS[int(reason)], column)
+
+    def get_vehicle(self, index: int) -> TrackedVehicle:
+        """Return a vehicle: the fleet's, or the one that was set in its place."""
+        return self._vehicles[index]
+
+    def set_vehicle(self, index: int, vehicle: TrackedVehicle) -> None:
+        """Replace a vehicle by one with its own yaw inertia, belt time constant or belt acceleration.
+
+        They lie outside the force block, so that a backend made for the fleet's vehicle serves this one too. State and
+        ground stay as they are.
+
+        Parameters
+        ----------
+        index : int
+            Which one.
+        vehicle : TrackedVehicle
+            As the fleet's :attr:`vehicle` in everything else that moves it.
+
+        Raises
+        ------
+        ConfigurationError
+            If it has another track-terrain block or another maximum speed.
+        """
+        if not vehicle.same_block(self.vehicle) or vehicle.maximum_speed != self.vehicle.maximum_speed:
+            raise ConfigurationError(
+                f"vehicles of a fleet of {self.vehicle.name} may differ in yaw_inertia, belt_time_constant and "
+                f"belt_acceleration, got {vehicle.name} with another track-terrain block or maximum speed"
+            )
+        self._fleet.set_traits(index, vehicle.yaw_inertia, vehicle.belt_time_constant, vehicle.belt_acceleration)
+        self._vehicles[index] = vehicle
 
     def ground(self, index: int) -> Ground:
         """Return the ground under a vehicle."""

@@ -65,6 +65,11 @@ class PathTask(Task[TrackingConfig, PathEpisode]):
         super().__init__(vehicle, terrain, config)
 
     @property
+    def shown_path(self) -> Path:
+        """The path to keep on."""
+        return self.path
+
+    @property
     def reference_speed(self) -> float:
         """Speed at which progress earns most, in m/s."""
         return self._reference_speed
@@ -106,10 +111,10 @@ class PathTask(Task[TrackingConfig, PathEpisode]):
             y=y + float(lateral) * math.cos(direction),
             heading=direction + float(heading),
         )
-        state = replace(chosen.get("state", drawn), time=0.0)
+        state = replace(chosen["state"], time=0.0) if "state" in chosen else drawn
         near = None if "state" in chosen else arc_length
         foot = self.path.project(state.x, state.y, near=near, heading=state.heading)
-        return self.begin(state, chosen, PathEpisode(foot.arc_length, foot))
+        return self.begin(state, self.surroundings(generator, chosen), PathEpisode(foot.arc_length, foot))
 
     def _check_reach(self, options: ResetOptions) -> None:
         fastest, widest, longest = self.vehicle.maximum_speed, self.config.maximum_cross_track, self.path.length

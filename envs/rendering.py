@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ..terrain import FloatArray, InvalidInputError, TrackedVehicle, unknown_name
+from ..terrain import FloatArray, Ground, InvalidInputError, TrackedVehicle, unknown_name
 from ..terrain.parameters import require_in
-from .canvas import Canvas, Color, blend
+from .canvas import Canvas, Color
+from .grip import grip_at, grip_map
 from .path import Path
 from .state import VehicleState
+from .vehicle_picture import draw_vehicle, full_slip, slip_color
 
 RenderMode = Literal["rgb_array", "human"]
 RENDER_MODES: Final[tuple[RenderMode, ...]] = get_args(RenderMode)
@@ -26,28 +28,26 @@ _CONE: Final[Color] = (232, 101, 32)
 _RUT: Final[Color] = (158, 140, 109)
 _PATH: Final[Color] = (38, 92, 168)
 _TRAIL: Final[Color] = (136, 66, 20)
-_BELT: Final[Color] = (66, 66, 64)
-_BELT_SLIPPING: Final[Color] = (226, 52, 36)
-_BAR: Final[Color] = (22, 22, 22)
-_HULL: Final[Color] = (94, 108, 72)
-_HULL_DARK: Final[Color] = (66, 78, 50)
-_HULL_LIGHT: Final[Color] = (124, 138, 98)
-_ARROW: Final[Color] = (252, 214, 60)
 _INK: Final[Color] = (34, 32, 28)
 _PAPER: Final[Color] = (246, 242, 232)
 
+_OFF_MAP: Final[Color] = (58, 54, 50)
+_COMMAND: Final[Color] = (38, 92, 168)
+# From no grip to a grip of 1: ice, snow, sand, dry pavement.
+_GRIPS: Final[tuple[Color, ...]] = ((205, 226, 240), (214, 208, 190), (186, 170, 140), (152, 132, 102), (118, 100, 78))
+
 _VEHICLES_PER_VIEW: Final = 6.0
-_BARS_PER_TRACK: Final = 9
-_ARROW_SECONDS: Final = 0.5
-_FULL_SLIP: Final = 0.2
-"""Slip speed, over the training speed, at which a belt is drawn fully red."""
+_COMMAND_SECONDS: Final = 2.0
+_LEGEND_STEPS: Final = 16
 
 
 class Renderer:
     """Draws a vehicle on its path from above, to scale; the camera follows it, the plane's x axis to the right.
 
     The vehicle covers its contact length by its overall width. The bars move as the upper run of the belt does, and
-    a belt reddens with its slip speed. The arrow shows half a second of the CG's velocity.
+    a belt reddens with its slip speed, which the gauge at the bottom left shows for each track: to the right where the
+    belt is faster than the ground under it. The arrow shows half a second of the CG's velocity. Ground is the darker,
+    the better it holds: from pale blue without grip to dark brown at a grip of 1.
 
     Parameters
     ----------
@@ -94,6 +94,7 @@ class Renderer:
         self._window: Any = None
         self._clock: Any = None
         self._closed = False
+        self._varied = False
         self.reset()
 
     def reset(self) -> None:
@@ -103,7 +104,13 @@ class Renderer:
         self._time: float | None = None
 
     def draw(
-        self, state: VehicleState, trail: Sequence[tuple[float, float]] | None = None, label: str = ""
+        self,
+        state: VehicleState,
+        trail: Sequence[tuple[float, float]] | None = None,
+        label: str = "",
+        *,
+        ground: Ground | None = None,
+        command: tuple[float, float] | None = None,
     ) -> NDArray[np.uint8] | None:
         """Draw one frame.
 
@@ -115,6 +122,10 @@ class Renderer:
             Driven path of the CG in m; by default through the states drawn since the last :meth:`reset`.
         label : str
             A line of text for the panel, such as the ground and the backend.
+        ground : Ground, optional
+            Shown by its grip, with a legend where it changes over the view.
+        command : tuple of float, optional
+            Commanded speed in m/s and yaw rate in rad/s: two seconds of that motion are drawn.
 
         Returns
         -------
@@ -133,9 +144,12 @@ class Renderer:
             raise InvalidInputError("this renderer was closed; make a new one")
         self._remember(state)
         self._canvas.start((state.x, state.y), _GROUND)
+        self._varied = ground is not None and self._draw_grip(ground)
         self._draw_ground()
         self._draw_trail([*(pose[:2] for pose in self._poses), (state.x, state.y)] if trail is None else trail)
         slips = self._slip_speeds(state)
+        if command is not None:
+            self._draw_command(state, *command)
         self._draw_vehicle(state, slips)
         self._canvas.finish()
         self._canvas.ruler(_round_length(0.4 * float(self._canvas.reach[0])), _INK)
@@ -147,7 +161,12 @@ class Renderer:
             ("belts", f"L {state.v_left:+.2f}", f"R {state.v_right:+.2f}", "m/s"),
             ("slip", f"L {slips[0]:+.2f}", f"R {slips[1]:+.2f}", "m/s"),
         ]
+        if command is not None:
+            rows.append(("command", f"{command[0]:.2f} m/s", f"{command[1]:+.2f} rad/s"))
+        if ground is not None:
+            rows.append(("grip", f"{grip_at(self._vehicle, ground, state.x, state.y):.2f}"))
         self._canvas.panel(rows, _INK, _PAPER)
+        self._draw_gauges(slips)
         if self._mode == "human":
             self._show()
             return None
@@ -176,6 +195,33 @@ class Renderer:
         left, right = state.vx - state.yaw_rate * half, state.vx + state.yaw_rate * half
         return state.v_left - left, state.v_right - right
 
+    def _draw_grip(self, ground: Ground) -> bool:
+        """Shade the view by the ground's grip, and return whether that changes over it."""
+        canvas = self._canvas
+        shown = grip_map(self._vehicle, ground, canvas.center - canvas.reach, canvas.center + canvas.reach)
+        canvas.picture(_grip_colors(shown.values), shown.low, shown.high)
+        return not np.all(shown.values == shown.values[0, 0])
+
+    def _draw_command(self, state: VehicleState, speed: float, yaw_rate: float) -> None:
+        time = np.linspace(0.0, _COMMAND_SECONDS, 40)
+        heading = state.heading + yaw_rate * time
+        # Of a motion along a circle; the chord points along the mean heading.
+        chord = speed * time * np.sinc(yaw_rate * time / (2 * math.pi))
+        mean = (state.heading + heading) / 2
+        x, y = state.x + chord * np.cos(mean), state.y + chord * np.sin(mean)
+        points = np.column_stack([x, y])
+        self._canvas.line(_COMMAND, points, 0.05 * self._extent)
+        if abs(speed) * _COMMAND_SECONDS > 0.1 * self._extent:
+            self._canvas.circle(_COMMAND, points[-1], 0.09 * self._extent)
+
+    def _draw_gauges(self, slips: tuple[float, float]) -> None:
+        full = full_slip(self._vehicle)
+        bars = [(side, slip / full, slip_color(self._vehicle, slip)) for side, slip in zip("LR", slips, strict=True)]
+        self._canvas.gauge("track slip", bars, f"{full:.1f} m/s", _INK, _PAPER)
+        if self._varied:
+            steps = _grip_colors(np.linspace(0.0, 1.0, _LEGEND_STEPS)).tolist()
+            self._canvas.legend("grip", [(red, green, blue) for red, green, blue in steps], ("0", "1"), _INK)
+
     def _draw_ground(self) -> None:
         canvas, size = self._canvas, self._extent
         step = _round_length(2.0 * size)
@@ -189,7 +235,8 @@ class Renderer:
                 continue
             x = np.linspace(lane.start, lane.end, max(2, round((lane.end - lane.start) / 5) + 1))
             right, left = (np.column_stack([x, np.full_like(x, y)]) for y in (lane.right, lane.left))
-            canvas.ribbon(_LANE, right, left)
+            if not self._varied:
+                canvas.ribbon(_LANE, right, left)
             for edge in (right, left):
                 canvas.line(_EDGE, edge, 0.025 * size)
                 for cone in edge:
@@ -208,47 +255,7 @@ class Renderer:
         canvas.line(_TRAIL, trail, 0.025 * self._extent)
 
     def _draw_vehicle(self, state: VehicleState, slips: tuple[float, float]) -> None:
-        canvas, vehicle = self._canvas, self._vehicle
-        cosine, sine = math.cos(state.heading), math.sin(state.heading)
-        turn = np.array([[cosine, sine], [-sine, cosine]])
-
-        def body(points: ArrayLike) -> FloatArray:
-            placed: FloatArray = np.asarray(points, dtype=np.float64) @ turn + (state.x, state.y)
-            return placed
-
-        def box(rear: float, front: float, right: float, left: float) -> FloatArray:
-            return body([(rear, right), (front, right), (front, left), (rear, left)])
-
-        length, width = vehicle.contact_length, vehicle.track_width
-        rear, front = vehicle.contact_center - length / 2, vehicle.contact_center + length / 2
-        pitch = length / _BARS_PER_TRACK
-        for y, slip, moved in zip((vehicle.tread / 2, -vehicle.tread / 2), slips, self._belts, strict=True):
-            share = abs(slip) / (_FULL_SLIP * vehicle.training_speed)
-            canvas.polygon(blend(_BELT, _BELT_SLIPPING, share), box(rear, front, y - width / 2, y + width / 2))
-            for bar in rear + moved % pitch + pitch * np.arange(_BARS_PER_TRACK):
-                thick = min(0.25 * pitch, front - bar)
-                canvas.polygon(_BAR, box(bar, bar + thick, y - width / 2, y + width / 2))
-        inner = vehicle.tread / 2 - 0.4 * width
-        nose = front - 0.14 * length
-        glacis = [(nose, -inner), (front, -0.8 * inner), (front, 0.8 * inner), (nose, inner)]
-        canvas.polygon(_HULL, box(rear, nose, -inner, inner))
-        canvas.polygon(_HULL_LIGHT, body(glacis))
-        canvas.polygon(_HULL_DARK, box(rear + 0.07 * length, rear + 0.4 * length, -0.6 * inner, 0.6 * inner))
-        canvas.circle(_HULL_DARK, body((rear + 0.62 * length, 0.4 * inner)), 0.28 * inner)
-        self._draw_arrow(state, body)
-
-    def _draw_arrow(self, state: VehicleState, body: Callable[[ArrayLike], FloatArray]) -> None:
-        speed = math.hypot(state.vx, state.vy)
-        length = speed * _ARROW_SECONDS
-        if length < 0.05 * self._extent:
-            return
-        along = np.array([state.vx, state.vy]) / speed
-        across = np.array([-along[1], along[0]])
-        head = min(0.22 * self._extent, length)
-        tip, neck, half = length * along, (length - head) * along, 0.025 * self._extent * across
-        spread = 0.4 * head * across
-        self._canvas.polygon(_ARROW, body([half, neck + half, neck + spread, tip, neck - spread, neck - half, -half]))
-        self._canvas.circle(_ARROW, (state.x, state.y), 0.05 * self._extent)
+        draw_vehicle(self._canvas, self._vehicle, state, slips, self._belts)
 
     def _show(self) -> None:
         pygame = self._canvas.pygame
@@ -266,6 +273,14 @@ class Renderer:
         self._window.blit(self._canvas.frame, (0, 0))
         pygame.display.flip()
         self._clock.tick(self._fps)
+
+
+def _grip_colors(values: FloatArray) -> NDArray[np.uint8]:
+    """Return the colors, shape (..., 3), of grips, NaN standing for no ground at all."""
+    places = np.linspace(0.0, 1.0, len(_GRIPS))
+    colors = np.stack([np.interp(values, places, channel) for channel in zip(*_GRIPS, strict=True)], axis=-1)
+    colors[np.isnan(values)] = _OFF_MAP
+    return colors.round().astype(np.uint8)
 
 
 def _round_length(limit: float) -> float:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypedDict, cast
+from typing import Any, ClassVar, TypedDict, cast
 
 from ..terrain import Ground, InvalidInputError
 from ..terrain.parameters import require_in
 from .motion_profile import MotionProfile
 from .state import VehicleState
-from .task_config import TaskConfig, build_config, check_options
+from .task_config import RandomizedTaskConfig, build_config, check_options
 
 
 class SpeedResetOptions(TypedDict, total=False):
@@ -36,8 +36,8 @@ class SpeedResetOptions(TypedDict, total=False):
 
 
 @dataclass(frozen=True)
-class SpeedConfig(TaskConfig):
-    """Settings of ``grouser/SpeedTracking-v0``, after those of :class:`TaskConfig`.
+class SpeedConfig(RandomizedTaskConfig):
+    """Settings of ``grouser/SpeedTracking-v0``, after those of :class:`RandomizedTaskConfig`.
 
     Parameters
     ----------
@@ -58,8 +58,10 @@ class SpeedConfig(TaskConfig):
     InvalidInputError
         If a number is impossible.
     ConfigurationError
-        If the action mode, the integrator or the ground sampling is unknown.
+        If the action mode, the integrator, the ground sampling or what to randomize is unknown.
     """
+
+    changeable: ClassVar = RandomizedTaskConfig.changeable | {"lowest_speed", "highest_speed", "effort"}
 
     lowest_speed: float = 0.0
     highest_speed: float | None = None

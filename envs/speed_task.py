@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
@@ -13,11 +13,14 @@ import numpy as np
 from ..native import Speed
 from ..terrain import GRAVITY, FloatArray, Ground, InvalidInputError, TrackedVehicle
 from ..terrain.parameters import require_in
+from .grip import grip
 from .motion_profile import MotionProfile
 from .observation import LOOK_AHEAD_TIMES
+from .randomization import Surroundings
 from .speed_config import SpeedConfig, check_speed_options
 from .state import VehicleState
 from .task import Start, Task
+from .task_config import changed_config
 
 # Steepest part of u²(3 − 2u) over its mean slope.
 _STEEPEST: Final = 1.5
@@ -58,6 +61,14 @@ class SpeedTask(Task[SpeedConfig, SpeedEpisode]):
         config: SpeedConfig,
     ) -> None:
         super().__init__(vehicle, terrain, config)
+        self.speeds = self._speed_range(config)
+        self.speed_tolerance: Final = config.speed_tolerance or 0.05 * self.vehicle.training_speed
+        self.yaw_rate_tolerance: Final = config.yaw_rate_tolerance or 0.1 * config.yaw_rate_scale
+        #: Of a profile that lasts an episode.
+        self.knots: Final = 1 + math.ceil(config.time_limit / config.segment_time)
+
+    def _speed_range(self, config: SpeedConfig) -> tuple[float, float]:
+        """Return the speeds in m/s that commands are drawn between."""
         top = self.vehicle.training_speed
         highest = 0.7 * top if config.highest_speed is None else config.highest_speed
         for name, value in (("lowest_speed", config.lowest_speed), ("highest_speed", highest)):
@@ -66,11 +77,13 @@ class SpeedTask(Task[SpeedConfig, SpeedEpisode]):
             raise InvalidInputError(
                 f"lowest_speed must not lie above highest_speed = {highest:g} m/s, got {config.lowest_speed:g}"
             )
-        self.speeds: Final = (config.lowest_speed, highest)
-        self.speed_tolerance: Final = config.speed_tolerance or 0.05 * top
-        self.yaw_rate_tolerance: Final = config.yaw_rate_tolerance or 0.1 * config.yaw_rate_scale
-        #: Of a profile that lasts an episode.
-        self.knots: Final = 1 + math.ceil(config.time_limit / config.segment_time)
+        return config.lowest_speed, highest
+
+    def reconfigure(self, **settings: Any) -> None:
+        """Change settings of starts, commands and randomization, as :meth:`Task.reconfigure` does."""
+        speeds = self._speed_range(changed_config(self.config, settings))
+        super().reconfigure(**settings)
+        self.speeds = speeds
 
     @property
     def reference_speed(self) -> float:
@@ -94,22 +107,24 @@ class SpeedTask(Task[SpeedConfig, SpeedEpisode]):
         require_in("reset option speed", chosen.get("speed", 0.0), -fastest, fastest)
         share, heading = generator.uniform(-1.0, 1.0, size=2)
         draws = generator.uniform(-1.0, 1.0, size=(self.knots, 2))
-        ground = self.prepare_ground(chosen["terrain"]) if "terrain" in chosen else self.ground
+        surroundings = self.surroundings(generator, chosen)
         first = self.speeds[0] + (self.speeds[1] - self.speeds[0]) * (draws[0, 0] + 1) / 2
         lowest = self.config.lowest_start_speed
         speed = float(chosen.get("speed", first * (lowest + (1 - lowest) * (share + 1) / 2)))
-        state = replace(chosen.get("state", VehicleState.rolling(speed, heading=math.pi * heading)), time=0.0)
-        start = self.begin(state, chosen, SpeedEpisode(self._profile(draws, ground, state)))
+        drawn = VehicleState.rolling(speed, heading=math.pi * heading)
+        state = replace(chosen["state"], time=0.0) if "state" in chosen else drawn
+        start = self.begin(state, surroundings, SpeedEpisode(self._profile(draws, surroundings, state)))
         if "profile" in chosen:
             start.episode.profile = self._fitting(chosen["profile"])
         return start
 
-    def _profile(self, draws: FloatArray, ground: Ground, state: VehicleState) -> MotionProfile:
+    def _profile(self, draws: FloatArray, surroundings: Surroundings, state: VehicleState) -> MotionProfile:
         """Return a profile that asks for ``effort`` of what the belts, the drive and the ground at the start allow."""
-        config, vehicle = self.config, self.vehicle
-        grip = GRAVITY * max(0.0, _strength(vehicle, ground, state) - math.hypot(*ground.gradient_at(state.x, state.y)))
+        config, (ground, vehicle) = self.config, surroundings
+        steepness = math.hypot(*ground.gradient_at(state.x, state.y))
+        held = GRAVITY * max(0.0, float(grip(vehicle, ground.mode, ground.parameters_at(state.x, state.y))) - steepness)
         ramp = config.effort * config.ramp_time / _STEEPEST
-        largest_rise = ramp * min(vehicle.belt_acceleration, grip)
+        largest_rise = ramp * min(vehicle.belt_acceleration, held)
         largest_turn = ramp * 2 * vehicle.belt_acceleration / vehicle.tread
         low, high = self.speeds
         speeds, yaw_rates = np.empty(self.knots), np.zeros(self.knots)
@@ -119,7 +134,7 @@ class SpeedTask(Task[SpeedConfig, SpeedEpisode]):
             rise = min(max(wanted - speeds[knot - 1], -largest_rise), largest_rise)
             speed = speeds[knot] = speeds[knot - 1] + rise
             belts = 2 * (vehicle.training_speed - abs(speed)) / vehicle.tread
-            sliding = grip / max(abs(speed), 1e-3)
+            sliding = held / max(abs(speed), 1e-3)
             limit = config.effort * min(config.yaw_rate_scale, belts, sliding)
             turn = min(max(limit * draws[knot, 1] - yaw_rates[knot - 1], -largest_turn), largest_turn)
             yaw_rates[knot] = yaw_rates[knot - 1] + turn
@@ -184,18 +199,14 @@ class SpeedTask(Task[SpeedConfig, SpeedEpisode]):
         speed, yaw_rate = episode.profile.at(self._time(episode))
         return state.vx - speed, state.yaw_rate - yaw_rate
 
+    def commanded(self, state: VehicleState, measures: Sequence[float]) -> tuple[float, float]:
+        """Return the commanded speed and yaw rate."""
+        speed_error, yaw_rate_error = measures
+        return state.vx - speed_error, state.yaw_rate - yaw_rate_error
+
     def _time(self, episode: SpeedEpisode) -> float:
         return episode.periods * self.config.control_period
 
 
 def _earned(weight: float, ratio: float) -> float:
     return weight / (1.0 + ratio * ratio)
-
-
-def _strength(vehicle: TrackedVehicle, ground: Ground, state: VehicleState) -> float:
-    """Return the largest shear force that the ground under a vehicle can return, over its weight."""
-    theta = ground.parameters_at(state.x, state.y).tolist()
-    if ground.mode == "rigid":
-        return float(theta[0])
-    area = 2 * vehicle.track_width * vehicle.element_length * vehicle.road_wheels
-    return float(theta[0]) * area / vehicle.weight + math.tan(theta[1])

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..terrain import ForceBackend, Ground, TrackedVehicle
 from .rendering import RenderMode
+from .reward import RewardFunction
 from .speed_config import SpeedConfig, speed_config
 from .speed_task import SpeedEpisode, SpeedTask
 from .tracked_env import Engine, TrackedVehicleEnv
@@ -55,16 +56,16 @@ class SpeedTrackingEnv(TrackedVehicleEnv[SpeedConfig, SpeedEpisode]):
     profile's first speed. The profile changes to a new speed and yaw rate every ``segment_time``, smoothly over
     ``ramp_time``. Its draws are kept within ``effort`` of what the vehicle reaches: belts at the training speed,
     lateral acceleration that the ground's strength at the start holds, belt acceleration, and ``yaw_rate_scale``;
-    see :class:`SpeedResetOptions` for one of your own. An episode is truncated at ``time_limit``. Where a surrogate drives the
-    simulation beyond what can be solved, it terminates with ``info["diverged"]``, and with ``info["off_map"]`` where the vehicle leaves a
-    terrain field that refuses it; the reward of that step is −(``speed_weight`` + ``yaw_rate_weight``).
+    see :class:`SpeedResetOptions` for one of your own. With ``randomize`` the ground, the drive and the yaw inertia
+    differ from episode to episode, and the profile with them; see :class:`Randomization`. An episode is truncated at
+    ``time_limit``. Where a surrogate drives the simulation beyond what can be solved, it terminates with
+    ``info["diverged"]``, and with ``info["off_map"]`` where the vehicle leaves a terrain field that refuses it; the
+    reward of that step is −(``speed_weight`` + ``yaw_rate_weight``).
 
     ## Info
 
-    All of the last tick of the control period: ``force`` [Qx, Qy, Mz], ``backend`` that answered (of a guard: its
-    primary's or fallback's name), ``speed_error`` in m/s, ``yaw_rate_error`` in rad/s, ``reward_terms``;
-    ``track_forces`` and ``sprocket_power`` (W) where the backend knows the tracks apart; ``ood_score`` and
-    ``fallback_weight`` with a guard.
+    As of :class:`PathTrackingEnv`, but for ``speed_error`` in m/s and ``yaw_rate_error`` in rad/s, actual less
+    commanded, in place of ``cross_track_error`` and ``progress``.
 
     Parameters
     ----------
@@ -82,6 +83,8 @@ class SpeedTrackingEnv(TrackedVehicleEnv[SpeedConfig, SpeedEpisode]):
     engine : {"compiled", "python"}, optional
         What simulates a control period: the compiled engine, by default wherever it has the backend and the ground, or
         the Python tick, its reference.
+    reward : callable, optional
+        Takes the place of the reward above: from a :class:`StepView` of n vehicles, here of one, to n numbers.
     **settings
         Fields of :class:`SpeedConfig`.
 
@@ -106,7 +109,10 @@ class SpeedTrackingEnv(TrackedVehicleEnv[SpeedConfig, SpeedEpisode]):
         render_mode: RenderMode | None = None,
         backend_options: Mapping[str, Any] | None = None,
         engine: Engine | None = None,
+        reward: RewardFunction | None = None,
         **settings: Any,
     ) -> None:
         task = SpeedTask(vehicle, terrain, speed_config(settings))
-        super().__init__(task, backend, render_mode=render_mode, backend_options=backend_options, engine=engine)
+        super().__init__(
+            task, backend, render_mode=render_mode, backend_options=backend_options, engine=engine, reward=reward
+        )

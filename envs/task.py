@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -18,15 +18,18 @@ from ..terrain import (
     PhysicsBackend,
     SlopedGround,
     TrackedVehicle,
+    interface,
     resolve_ground,
     resolve_vehicle,
 )
 from .footing import sample_ground, track_forces_on
 from .observation import Observation, compose_observation, observation_size
+from .path import Path
+from .randomization import DRAWN_VEHICLE_NAMES, Randomizer, Surroundings
 from .rollout import whole_ratio
 from .simulator import TickRecord
 from .state import VehicleState
-from .task_config import TaskConfig
+from .task_config import RandomizedTaskConfig, changed_config
 
 # Cells of the block that the slip power is taken from, whatever the backend: a plain network has no track forces.
 _SLIP_POWER_CELLS: Final = (2, 1)
@@ -34,7 +37,7 @@ _SLIP_POWER_CELLS: Final = (2, 1)
 #: Terms of the reward that every task has, after its own.
 SHARED_TERMS: Final = ("action_change", "slip_power")
 
-ConfigT = TypeVar("ConfigT", bound=TaskConfig)
+ConfigT = TypeVar("ConfigT", bound=RandomizedTaskConfig)
 EpisodeT = TypeVar("EpisodeT")
 
 
@@ -47,12 +50,15 @@ class Start(NamedTuple, Generic[EpisodeT]):
         Of the vehicle, at time 0.
     ground : Ground
         Of the episode.
+    vehicle : TrackedVehicle
+        Of the episode.
     episode : object
         What the task remembers of it.
     """
 
     state: VehicleState
     ground: Ground
+    vehicle: TrackedVehicle
     episode: EpisodeT
 
 
@@ -67,7 +73,7 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         The vehicle.
     terrain : str, path-like or Ground
         Ground of an episode unless its reset names another.
-    config : TaskConfig
+    config : RandomizedTaskConfig
         Settings.
 
     Raises
@@ -86,10 +92,12 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         terrain: str | os.PathLike[str] | Ground,
         config: ConfigT,
     ) -> None:
-        self.config: Final[ConfigT] = config
+        self.config: ConfigT = config
         self.vehicle: Final = resolve_vehicle(vehicle)
         self.ground: Final = self.prepare_ground(terrain)
         self.mode: Final[Mode] = self.ground.mode
+        self.drawn_names: Final = (*interface(self.mode).parameter_names, *DRAWN_VEHICLE_NAMES)
+        self._randomizer = self._make_randomizer(config)
         self.ticks: Final = whole_ratio(config.control_period, config.tick, "control_period and tick")
         self.steps: Final = whole_ratio(config.time_limit, config.control_period, "time_limit and control_period")
         self.observation_size: Final = observation_size(self.mode, config)
@@ -155,6 +163,15 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
     def remember(self, episode: EpisodeT) -> FloatArray:
         """Return what an episode remembers as the compiled engine keeps it, shape (memory_size,)."""
 
+    @property
+    def shown_path(self) -> Path | None:
+        """The path that frames show, where there is one."""
+        return None
+
+    def commanded(self, state: VehicleState, measures: Sequence[float]) -> tuple[float, float] | None:
+        """Return the speed in m/s and yaw rate in rad/s that frames show as commanded, where they are."""
+        return None
+
     def prepare_ground(self, terrain: str | os.PathLike[str] | Ground) -> Ground:
         """Return the ground on the configured slope."""
         ground = resolve_ground(terrain)
@@ -162,13 +179,63 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
             return ground
         return SlopedGround(ground, self.config.grade, self.config.bank)
 
-    def begin(self, state: VehicleState, options: Mapping[str, Any], episode: EpisodeT) -> Start[EpisodeT]:
-        """Return the start of an episode, once its ground is seen to reach there."""
-        ground = self.prepare_ground(options["terrain"]) if "terrain" in options else self.ground
+    def reconfigure(self, **settings: Any) -> None:
+        """Change settings of starts, commands and randomization, from the next episode on.
+
+        Raises
+        ------
+        ConfigurationError
+            If a key is unknown, or its setting holds for the life of an environment; nothing has changed then.
+        InvalidInputError
+            If a value is impossible; nothing has changed then.
+        """
+        config = changed_config(self.config, settings)
+        self._randomizer = self._make_randomizer(config)
+        self.config = config
+
+    def _make_randomizer(self, config: ConfigT) -> Randomizer | None:
+        if config.randomize is None:
+            return None
+        return Randomizer(config.randomize, self.ground, self.vehicle, self.prepare_ground)
+
+    @property
+    def grounds(self) -> tuple[Ground, ...]:
+        """The task's ground, and those that its randomization names."""
+        return (self.ground, *(() if self._randomizer is None else self._randomizer.grounds))
+
+    def surroundings(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Surroundings:
+        """Draw ground and vehicle of an episode, after everything else that its start draws.
+
+        Raises
+        ------
+        ConfigurationError
+            If the reset option ``terrain`` is of another mode.
+        """
+        drawn = Surroundings(self.ground, self.vehicle)
+        if self._randomizer is not None:
+            drawn = self._randomizer.draw(generator)
+        if "terrain" not in options:
+            return drawn
+        ground = self.prepare_ground(options["terrain"])
         if ground.mode != self.mode:
             raise ConfigurationError(f"the task is on {self.mode} ground, got {ground.mode}")
-        sample_ground(ground, self.vehicle, self.config.ground_sampling, x=state.x, y=state.y, heading=state.heading)
-        return Start(state, ground, episode)
+        return drawn._replace(ground=ground)
+
+    def drawn(self, start: Start[EpisodeT]) -> tuple[float, ...] | None:
+        """Return what ``drawn_names`` names of an episode, in SI units, where anything is randomized.
+
+        θ is that under the vehicle at its start.
+        """
+        if self._randomizer is None:
+            return None
+        theta = start.ground.parameters_at(start.state.x, start.state.y).tolist()
+        return (*theta, *(getattr(start.vehicle, name) for name in DRAWN_VEHICLE_NAMES))
+
+    def begin(self, state: VehicleState, surroundings: Surroundings, episode: EpisodeT) -> Start[EpisodeT]:
+        """Return the start of an episode, once its ground is seen to reach there."""
+        ground, vehicle = surroundings
+        sample_ground(ground, vehicle, self.config.ground_sampling, x=state.x, y=state.y, heading=state.heading)
+        return Start(state, ground, vehicle, episode)
 
     def observe(
         self, episode: EpisodeT, state: VehicleState, action: FloatArray, theta: FloatArray | None

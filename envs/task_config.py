@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Final, Literal, TypeVar
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Final, Literal, TypeVar
 
-from ..terrain import InvalidInputError, resolve_ground, unknown_name
+from ..terrain import ConfigurationError, InvalidInputError, resolve_ground, unknown_name
 from ..terrain.parameters import require_in
 from .footing import GROUND_SAMPLINGS, GroundSampling
+from .randomization import Randomization
 from .state import VehicleState
 from .tick import INTEGRATORS, Integrator
 
@@ -90,7 +91,35 @@ class TaskConfig:
             raise InvalidInputError(f"{name} must be True or False, got {getattr(self, name)!r}")
 
 
+@dataclass(frozen=True)
+class RandomizedTaskConfig(TaskConfig):
+    """Settings of tasks whose ground and vehicle may differ from episode to episode, after those of :class:`TaskConfig`.
+
+    Parameters
+    ----------
+    randomize : Randomization or mapping of its fields, optional
+        What differs from episode to episode beside the start.
+
+    Raises
+    ------
+    InvalidInputError
+        If a number is impossible.
+    ConfigurationError
+        If the action mode, the integrator, the ground sampling or what to randomize is unknown.
+    """
+
+    #: Settings that concern only how episodes begin, and so may change between two of them.
+    changeable: ClassVar[frozenset[str]] = frozenset({"lowest_start_speed", "randomize"})
+
+    randomize: Randomization | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "randomize", Randomization.of(self.randomize))
+
+
 _Config = TypeVar("_Config", bound=TaskConfig)
+_Randomized = TypeVar("_Randomized", bound=RandomizedTaskConfig)
 
 
 def build_config(kind: type[_Config], task: str, settings: Mapping[str, Any]) -> _Config:
@@ -106,6 +135,28 @@ def build_config(kind: type[_Config], task: str, settings: Mapping[str, Any]) ->
         if key not in known:
             raise unknown_name(f"{task} setting", key, known)
     return kind(**settings)
+
+
+def changed_config(config: _Randomized, settings: Mapping[str, Any]) -> _Randomized:
+    """Return settings with some changed, as is possible between episodes.
+
+    Raises
+    ------
+    ConfigurationError
+        If a key is unknown, or its setting holds for the life of an environment.
+    InvalidInputError
+        If a value is impossible.
+    """
+    known = {field.name for field in fields(config)}
+    for key in settings:
+        if key not in known:
+            raise unknown_name("setting", key, known)
+        if key not in config.changeable:
+            raise ConfigurationError(
+                f"{key} holds for the life of an environment, whose spaces, engine and reward are made with it: make "
+                f"another environment. Between episodes these can change: {', '.join(sorted(config.changeable))}"
+            )
+    return replace(config, **settings)
 
 
 def check_options(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final, Generic, Literal
 
 import gymnasium
@@ -19,14 +19,15 @@ from ..terrain import (
     InvalidInputError,
     OffMapError,
     SimulationDivergedError,
+    TrackedVehicle,
     make_backend,
     unknown_name,
 )
 from .batch import Batch
 from .footing import track_forces_on
 from .observation import OBSERVATION_BOUND, Observation, belt_command
-from .path import Path
 from .rendering import Renderer, RenderMode
+from .reward import Outcome, RewardFunction, evaluate_reward, single_view
 from .simulator import Simulator, TickRecord
 from .state import VehicleState
 from .task import SHARED_TERMS, ConfigT, EpisodeT, Start, Task
@@ -54,6 +55,8 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         For :func:`grouser.terrain.make_backend`.
     engine : {"compiled", "python"}, optional
         What simulates a control period; by default the compiled engine, wherever it has the backend and the ground.
+    reward : callable, optional
+        Takes the place of the task's own; see :class:`StepView`.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as Gymnasium declares it
@@ -69,16 +72,18 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         render_mode: RenderMode | None,
         backend_options: Mapping[str, Any] | None,
         engine: Engine | None,
+        reward: RewardFunction | None,
     ) -> None:
         if engine is not None and engine not in ENGINES:
             raise unknown_name("engine", engine, ENGINES)
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
         self.task: Final = task
-        self.config: Final = task.config
         self.vehicle: Final = task.vehicle
-        self.simulator: Final = make_simulator(task, backend, backend_options)
+        built = make_backend(backend, mode=task.mode, vehicle=task.vehicle, **(backend_options or {}))
+        self.simulator = make_simulator(task, built, task.vehicle)
         self._engine = engine
+        self._reward = reward
         self._batch = None if engine == "python" else self._compile()
         self._in_batch = False
         self._shown_state: VehicleState | None = None
@@ -96,22 +101,39 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
     def _compile(self) -> Batch[ConfigT, EpisodeT] | None:
         """Return the compiled engine of this one vehicle, where there is one."""
         try:
-            return Batch(self.task, self.simulator.backend, 1)
+            return Batch(self.task, self.simulator.backend, 1, reward=self._reward)
         except ConfigurationError:
             if self._engine == "compiled":
                 raise
             return None
 
     @property
+    def config(self) -> ConfigT:
+        """Settings of the task."""
+        return self.task.config
+
+    def reconfigure(self, **settings: Any) -> None:
+        """Change settings of starts, commands and randomization, from the next reset on.
+
+        Parameters
+        ----------
+        **settings
+            Those that ``changeable`` of the task's configuration names.
+
+        Raises
+        ------
+        ConfigurationError
+            If a key is unknown, or its setting holds for the life of an environment; nothing has changed then.
+        InvalidInputError
+            If a value is impossible; nothing has changed then.
+        """
+        self.task.reconfigure(**settings)
+
+    @property
     def _episode(self) -> EpisodeT:
         if self._begun is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         return self._begun
-
-    @property
-    def _path(self) -> Path | None:
-        """The path that frames show."""
-        return None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -123,6 +145,8 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         super().reset(seed=seed)
         start = self.task.start(self.np_random, options or {})
         self._in_batch = self._begin_in_batch(start)
+        if start.vehicle != self.simulator.vehicle:
+            self.simulator = make_simulator(self.task, self.simulator.backend, start.vehicle)
         self.simulator.set_ground(start.ground)
         self._show(start.state)
         self._begun = start.episode
@@ -132,7 +156,7 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
             self._renderer.reset()
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self._measures(start.state)
+        return self._observation(), self._measures(start.state) | drawn_info(self.task, self.task.drawn(start))
 
     def _begin_in_batch(self, start: Start[EpisodeT]) -> bool:
         """Begin an episode in the compiled engine, unless there is none or it does not have the ground."""
@@ -203,20 +227,29 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         own, terminated = self.task.assess(episode, record.state)
         costs = self.task.costs(action, self._action, record)
         terms = dict(zip((*self.task.terms, *SHARED_TERMS), own + costs, strict=True))
-        self._action = action
+        previous, self._action = self._action, action
         self._step_count += 1
         truncated = not terminated and self._step_count >= self.task.steps
-        info = force_info(self.simulator.backend, record) | self._measures(record.state)
-        return self._observation(), sum(terms.values()), terminated, truncated, info | {"reward_terms": terms}
+        measures = self._measures(record.state)
+        info = force_info(self.simulator.backend, record) | measures | {"reward_terms": terms}
+        reward = sum(terms.values())
+        if self._reward is not None:
+            outcome = Outcome(record.forces, measures, terms, reward, terminated, truncated, broken_off=False)
+            reward = evaluate_reward(self._reward, single_view(record.state, action, previous, outcome)).item()
+        return self._observation(), reward, terminated, truncated, info
 
     def _broken_off(self, action: FloatArray, why: str) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """End the episode where the last solved tick left the vehicle: one bad episode must not end a training."""
-        self._action = action
+        previous, self._action = self._action, action
         self._step_count += 1
         state = self.simulator.get_state()
         self.task.follow(self._episode, state)
-        info = {why: True} | self._measures(state)
-        return self._observation(), self.task.broken_off_reward, True, False, info
+        measures, reward = self._measures(state), self.task.broken_off_reward
+        if self._reward is not None:
+            terms = dict.fromkeys((*self.task.terms, *SHARED_TERMS), 0.0)
+            outcome = Outcome(np.zeros(3), measures, terms, reward, terminated=True, truncated=False, broken_off=True)
+            reward = evaluate_reward(self._reward, single_view(state, action, previous, outcome)).item()
+        return self._observation(), reward, True, False, {why: True} | measures
 
     def render(self) -> NDArray[np.uint8] | None:
         """Show the vehicle from above: an image (height, width, 3), or a window."""
@@ -224,8 +257,11 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
             gymnasium.logger.warn("render() without a render_mode: pass render_mode='rgb_array' to gymnasium.make")
             return None
         if self._renderer is None:
-            self._renderer = Renderer(self._path, self.vehicle, self._draw_mode, fps=self.metadata["render_fps"])
-        return self._renderer.draw(self.simulator.get_state(), label=self.simulator.backend.name)
+            fps = self.metadata["render_fps"]
+            self._renderer = Renderer(self.task.shown_path, self.vehicle, self._draw_mode, fps=fps)
+        simulator, state = self.simulator, self.simulator.get_state()
+        command = None if self._begun is None else self.task.commanded(state, tuple(self._measures(state).values()))
+        return self._renderer.draw(state, label=simulator.backend.name, ground=simulator.ground, command=command)
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -251,14 +287,12 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         return self.task.observe(self._episode, state, self._action, self._theta)
 
 
-def make_simulator(
-    task: Task[ConfigT, EpisodeT], backend: str | ForceBackend, backend_options: Mapping[str, Any] | None
-) -> Simulator:
-    """Return the simulator of a task's vehicle."""
+def make_simulator(task: Task[ConfigT, EpisodeT], backend: ForceBackend, vehicle: TrackedVehicle) -> Simulator:
+    """Return the simulator of a task's vehicle, or of one that differs outside the force block."""
     config = task.config
     return Simulator(
-        task.vehicle,
-        make_backend(backend, mode=task.mode, vehicle=task.vehicle, **(backend_options or {})),
+        vehicle,
+        backend,
         task.ground,
         tick=config.tick,
         integrator=config.integrator,
@@ -272,6 +306,11 @@ def spaces(task: Task[ConfigT, EpisodeT]) -> tuple[ActionSpace, ObservationSpace
         gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32),
         gymnasium.spaces.Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (task.observation_size,), np.float32),
     )
+
+
+def drawn_info(task: Task[ConfigT, EpisodeT], drawn: Iterable[float] | None) -> dict[str, Any]:
+    """Return what ``info`` tells of what an episode drew, where anything is randomized."""
+    return {} if drawn is None else {"randomization": dict(zip(task.drawn_names, drawn, strict=True))}
 
 
 def force_info(backend: ForceBackend, record: TickRecord) -> dict[str, Any]:

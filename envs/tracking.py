@@ -10,6 +10,7 @@ from ..terrain import ForceBackend, Ground, TrackedVehicle
 from .path import Path
 from .path_task import PathEpisode, PathTask
 from .rendering import RenderMode
+from .reward import RewardFunction
 from .tracked_env import Engine, TrackedVehicleEnv
 from .tracking_config import TrackingConfig, tracking_config
 
@@ -46,23 +47,31 @@ class PathTrackingEnv(TrackedVehicleEnv[TrackingConfig, PathEpisode]):
     ``progress_weight · min(p, 2 − p) − cross_track_weight · (e/2 m)² − action_change_weight · |Δa|²
     − slip_power_weight · P_slip/(W v_ref)``
 
-    with p = Δs/(v_ref Δt) the progress along the path over that at reference speed, e the cross-track error, and P_slip ≥ 0 the power that the tracks lose to
-    slip: belt power less the power that reaches the body, without rolling resistance, from the block at 2 × 1 cells an
-    element on every backend. The terms are in ``info["reward_terms"]``.
+    with p = Δs/(v_ref Δt) the progress along the path over that at reference speed, e the cross-track error, and
+    P_slip ≥ 0 the power that the tracks lose to slip: belt power less the power that reaches the body, without rolling
+    resistance, from the block at 2 × 1 cells an element on every backend. The terms are in ``info["reward_terms"]``.
 
     ## Start and end
 
-    The vehicle starts near the path's start (with ``random_start``, anywhere on it), rolling along it; see :class:`ResetOptions`. An episode terminates
-    beyond ``maximum_cross_track`` or at the path's end (one lap of a closed path), and is truncated at
-    ``time_limit``. Where a surrogate drives the simulation beyond what can be solved, it terminates with
-    ``info["diverged"]`` and the reward of standing at ``maximum_cross_track``, less the weight of progress; and with
-    ``info["off_map"]`` and the same reward where the vehicle leaves a terrain field that refuses it.
+    The vehicle starts near the path's start (with ``random_start``, anywhere on it), rolling along it; see
+    :class:`ResetOptions`. With ``randomize`` the ground, the drive and the yaw inertia differ from episode to episode;
+    see :class:`Randomization`. An episode terminates beyond ``maximum_cross_track`` or at the path's end (one lap of a
+    closed path), and is truncated at ``time_limit``. Where a surrogate drives the simulation beyond what can be solved,
+    it terminates with ``info["diverged"]`` and the reward of standing at ``maximum_cross_track``, less the weight of
+    progress; and with ``info["off_map"]`` and the same reward where the vehicle leaves a terrain field that refuses it.
 
     ## Info
 
-    All of the last tick of the control period: ``force`` [Qx, Qy, Mz], ``backend`` that answered (of a guard: its primary's or fallback's name),
-    ``cross_track_error`` in m, ``progress`` in m, ``reward_terms``; ``track_forces`` and ``sprocket_power`` (W) where
-    the backend knows the tracks apart; ``ood_score`` and ``fallback_weight`` with a guard.
+    | key | of the last tick of a control period | where |
+    |---|---|---|
+    | ``cross_track_error``, ``progress`` | in m | always, at reset too |
+    | ``reward_terms`` | by name, weighted | unless the simulation broke off |
+    | ``force`` | [Qx, Qy, Mz] in N and N m | unless the simulation broke off |
+    | ``backend`` | that answered; of a guard its primary's or fallback's name | unless the simulation broke off |
+    | ``track_forces``, ``sprocket_power`` | [Fx, Fy, M] of each track; W | backends that know the tracks apart |
+    | ``ood_score``, ``fallback_weight`` | of the guard | with a guard |
+    | ``diverged``, ``off_map`` | True | where the simulation broke off |
+    | ``randomization`` | θ at the start, drive and yaw inertia, in SI units | at reset, with ``randomize`` |
 
     Parameters
     ----------
@@ -82,6 +91,8 @@ class PathTrackingEnv(TrackedVehicleEnv[TrackingConfig, PathEpisode]):
     engine : {"compiled", "python"}, optional
         What simulates a control period: the compiled engine, by default wherever it has the backend and the ground, or
         the Python tick, its reference.
+    reward : callable, optional
+        Takes the place of the reward above: from a :class:`StepView` of n vehicles, here of one, to n numbers.
     **settings
         Fields of :class:`TrackingConfig`.
 
@@ -107,13 +118,12 @@ class PathTrackingEnv(TrackedVehicleEnv[TrackingConfig, PathEpisode]):
         render_mode: RenderMode | None = None,
         backend_options: Mapping[str, Any] | None = None,
         engine: Engine | None = None,
+        reward: RewardFunction | None = None,
         **settings: Any,
     ) -> None:
         task = PathTask(vehicle, terrain, tracking_config(settings), path)
         self.path: Final = task.path
         self.reference_speed: Final = task.reference_speed
-        super().__init__(task, backend, render_mode=render_mode, backend_options=backend_options, engine=engine)
-
-    @property
-    def _path(self) -> Path:
-        return self.path
+        super().__init__(
+            task, backend, render_mode=render_mode, backend_options=backend_options, engine=engine, reward=reward
+        )

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypedDict, cast
+from typing import Any, ClassVar, TypedDict, cast
 
 from ..terrain import Ground
 from ..terrain.parameters import require_in
 from .state import VehicleState
-from .task_config import TaskConfig, build_config, check_options
+from .task_config import RandomizedTaskConfig, build_config, check_options
 
 
 class ResetOptions(TypedDict, total=False):
@@ -41,8 +41,8 @@ class ResetOptions(TypedDict, total=False):
 
 
 @dataclass(frozen=True)
-class TrackingConfig(TaskConfig):
-    """Settings of ``grouser/PathTracking-v0``, after those of :class:`TaskConfig`.
+class TrackingConfig(RandomizedTaskConfig):
+    """Settings of ``grouser/PathTracking-v0``, after those of :class:`RandomizedTaskConfig`.
 
     Parameters
     ----------
@@ -62,8 +62,10 @@ class TrackingConfig(TaskConfig):
     InvalidInputError
         If a number is impossible.
     ConfigurationError
-        If the action mode, the integrator or the ground sampling is unknown.
+        If the action mode, the integrator, the ground sampling or what to randomize is unknown.
     """
+
+    changeable: ClassVar = RandomizedTaskConfig.changeable | {"lateral_spread", "heading_spread", "random_start"}
 
     reference_speed: float | None = None
     maximum_cross_track: float = 5.0

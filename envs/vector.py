@@ -4,40 +4,37 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, Generic
+from typing import Any, Final, Generic, Literal
 
+import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from ..terrain import (
-    ConfigurationError,
     ForceBackend,
     Ground,
-    GuardedBackend,
-    InvalidInputError,
     TrackedVehicle,
-    make_backend,
     unknown_name,
 )
-from .batch import Batch
-from .engine import compiled_ground, compiled_guard, compiled_kernel
 from .observation import Observation
 from .path import Path
 from .path_task import PathEpisode, PathTask
+from .rendering import Renderer
+from .reward import RewardFunction
 from .speed_config import SpeedConfig, speed_config
 from .speed_task import SpeedEpisode, SpeedTask
 from .task import ConfigT, EpisodeT, Task
 from .tracked_env import spaces
 from .tracking_config import TrackingConfig, tracking_config
+from .vector_arguments import check_rendered_envs, check_reset_mask, make_batch, resolve_autoreset_mode, sub_seeds
 from .vector_info import VectorInfo, batch_info, merged, reset_info
 
 _Flags = NDArray[np.bool_]
 Step = tuple[Observation, NDArray[np.float64], _Flags, _Flags, dict[str, Any]]
 
-#: When an episode that ended is followed by the next one.
-AUTORESET_MODES: Final = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
+VECTOR_RENDER_MODES: Final = ("rgb_array",)
 
 
 class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], Generic[ConfigT, EpisodeT]):
@@ -63,6 +60,12 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         ``infos["final_obs"]`` and ``infos["final_info"]``.
     backend_options : mapping, optional
         For :func:`grouser.terrain.make_backend`.
+    reward : callable, optional
+        Takes the place of the task's own; see :class:`StepView`.
+    render_mode : {"rgb_array"}, optional
+        What :meth:`render` returns.
+    rendered_envs : int, optional
+        Frames are those of the first so many sub-environments; by default of all.
 
     Raises
     ------
@@ -81,19 +84,29 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         threads: int,
         autoreset_mode: AutoresetMode | str,
         backend_options: Mapping[str, Any] | None,
+        reward: RewardFunction | None,
+        render_mode: Literal["rgb_array"] | None,
+        rendered_envs: int | None,
     ) -> None:
-        self.autoreset_mode: Final = _autoreset_mode(autoreset_mode)
-        self.batch: Final = make_batch(task, backend, num_envs, threads=threads, backend_options=backend_options)
+        if render_mode not in (None, *VECTOR_RENDER_MODES):
+            raise unknown_name("render mode of a vector environment", render_mode, VECTOR_RENDER_MODES)
+        self.autoreset_mode: Final = resolve_autoreset_mode(autoreset_mode)
+        self.batch: Final = make_batch(
+            task, backend, num_envs, threads=threads, backend_options=backend_options, reward=reward
+        )
         self.task: Final = task
         self.num_envs = num_envs
         self.single_action_space, self.single_observation_space = spaces(task)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.metadata = {
-            "render_modes": [],
+            "render_modes": list(VECTOR_RENDER_MODES),
             "render_fps": round(1 / task.config.control_period),
             "autoreset_mode": self.autoreset_mode,
         }
+        self.render_mode = render_mode
+        self._rendered = check_rendered_envs(rendered_envs, num_envs)
+        self._renderers: list[Renderer] = []
         self._ended: _Flags = np.zeros(num_envs, np.bool_)
         self._all: _Flags = np.ones(num_envs, np.bool_)
 
@@ -106,6 +119,18 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
         """Seed of each sub-environment."""
         return self.batch.seeds
+
+    def reconfigure(self, **settings: Any) -> None:
+        """Change settings of starts, commands and randomization of every sub-environment, from its next episode on.
+
+        Raises
+        ------
+        ConfigurationError
+            If a key is unknown, or its setting holds for the life of an environment; nothing has changed then.
+        InvalidInputError
+            If a value is impossible; nothing has changed then.
+        """
+        self.task.reconfigure(**settings)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -128,8 +153,8 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         chosen = dict(options or {})
         mask = self._all
         if "reset_mask" in chosen:
-            mask = _reset_mask(chosen.pop("reset_mask"), self.num_envs)
-        seeds = _seeds(seed, self.num_envs)
+            mask = check_reset_mask(chosen.pop("reset_mask"), self.num_envs)
+        seeds = sub_seeds(seed, self.num_envs)
         for index in np.flatnonzero(mask).tolist():
             if seeds[index] is not None:
                 self.batch.seed(index, seeds[index])
@@ -169,6 +194,26 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
             observations, infos = self._next_step(ended)
         return observations, rewards, terminations, truncations, infos
 
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return a frame, shape (height, width, 3), of each of the first ``rendered_envs`` sub-environments."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() without a render_mode: pass render_mode='rgb_array' to gymnasium.make_vec")
+            return None
+        task, fleet = self.task, self.batch.fleet
+        if not self._renderers:
+            self._renderers = [Renderer(task.shown_path, task.vehicle) for _ in range(self._rendered)]
+        frames = []
+        for index, renderer in enumerate(self._renderers):
+            state = fleet.get_state(index)
+            command = task.commanded(state, self.batch.measures[index].tolist())
+            ground = fleet.ground(index)
+            frames.append(renderer.draw(state, label=fleet.backend.name, ground=ground, command=command))
+        return tuple(frame for frame in frames if frame is not None)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Let go of what draws frames."""
+        self._renderers.clear()
+
     def _next_step(self, ended: _Flags) -> tuple[Observation, VectorInfo]:
         batch, resets = self.batch, self._ended
         self._ended = ended
@@ -202,9 +247,9 @@ class PathTrackingVectorEnv(TrackedVehicleVectorEnv[TrackingConfig, PathEpisode]
 
     Parameters
     ----------
-    num_envs, threads, autoreset_mode
+    num_envs, threads, autoreset_mode, render_mode, rendered_envs
         As of :class:`TrackedVehicleVectorEnv`.
-    backend, vehicle, terrain, path, backend_options, **settings
+    backend, vehicle, terrain, path, backend_options, reward, **settings
         As of :class:`PathTrackingEnv`.
     """
 
@@ -219,6 +264,9 @@ class PathTrackingVectorEnv(TrackedVehicleVectorEnv[TrackingConfig, PathEpisode]
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         backend_options: Mapping[str, Any] | None = None,
+        reward: RewardFunction | None = None,
+        render_mode: Literal["rgb_array"] | None = None,
+        rendered_envs: int | None = None,
         **settings: Any,
     ) -> None:
         super().__init__(
@@ -228,6 +276,9 @@ class PathTrackingVectorEnv(TrackedVehicleVectorEnv[TrackingConfig, PathEpisode]
             threads=threads,
             autoreset_mode=autoreset_mode,
             backend_options=backend_options,
+            reward=reward,
+            render_mode=render_mode,
+            rendered_envs=rendered_envs,
         )
 
 
@@ -236,9 +287,9 @@ class SpeedTrackingVectorEnv(TrackedVehicleVectorEnv[SpeedConfig, SpeedEpisode])
 
     Parameters
     ----------
-    num_envs, threads, autoreset_mode
+    num_envs, threads, autoreset_mode, render_mode, rendered_envs
         As of :class:`TrackedVehicleVectorEnv`.
-    backend, vehicle, terrain, backend_options, **settings
+    backend, vehicle, terrain, backend_options, reward, **settings
         As of :class:`SpeedTrackingEnv`.
     """
 
@@ -252,6 +303,9 @@ class SpeedTrackingVectorEnv(TrackedVehicleVectorEnv[SpeedConfig, SpeedEpisode])
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         backend_options: Mapping[str, Any] | None = None,
+        reward: RewardFunction | None = None,
+        render_mode: Literal["rgb_array"] | None = None,
+        rendered_envs: int | None = None,
         **settings: Any,
     ) -> None:
         super().__init__(
@@ -261,59 +315,7 @@ class SpeedTrackingVectorEnv(TrackedVehicleVectorEnv[SpeedConfig, SpeedEpisode])
             threads=threads,
             autoreset_mode=autoreset_mode,
             backend_options=backend_options,
+            reward=reward,
+            render_mode=render_mode,
+            rendered_envs=rendered_envs,
         )
-
-
-def make_batch(
-    task: Task[ConfigT, EpisodeT],
-    backend: str | ForceBackend,
-    num_envs: int,
-    *,
-    threads: int,
-    backend_options: Mapping[str, Any] | None,
-) -> Batch[ConfigT, EpisodeT]:
-    """Return the batch of a vector environment.
-
-    Raises
-    ------
-    ConfigurationError
-        If the backend or the ground is not compiled.
-    InvalidInputError
-        If there is no sub-environment or no thread.
-    """
-    for name, value in (("num_envs", num_envs), ("threads", threads)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            raise InvalidInputError(f"{name} must be a whole number of at least 1, got {value!r}")
-    built = make_backend(backend, mode=task.mode, vehicle=task.vehicle, **(backend_options or {}))
-    try:
-        compiled_kernel(built.primary if isinstance(built, GuardedBackend) else built)
-        compiled_guard(built)
-        compiled_ground(task.ground, {})
-    except ConfigurationError as error:
-        raise ConfigurationError(
-            f"{error}. In gymnasium.make_vec, vectorization_mode='sync' steps single environments in turn"
-        ) from error
-    return Batch(task, built, num_envs, threads=threads)
-
-
-def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    for known in AUTORESET_MODES:
-        if mode in (known, known.value, known.name):
-            return known
-    raise unknown_name("autoreset mode", getattr(mode, "value", mode), [known.value for known in AUTORESET_MODES])
-
-
-def _seeds(seed: int | Sequence[int | None] | None, count: int) -> Sequence[int | None]:
-    if seed is None:
-        return [None] * count
-    if isinstance(seed, int | np.integer):
-        return range(int(seed), int(seed) + count)
-    if len(seed) != count:
-        raise InvalidInputError(f"a seed for all or for each of {count} sub-environments, got {len(seed)}")
-    return seed
-
-
-def _reset_mask(mask: Any, count: int) -> _Flags:
-    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (count,) or not mask.any():
-        raise InvalidInputError(f"reset_mask is a bool array of shape ({count},) that holds somewhere, got {mask!r}")
-    return mask

@@ -20,16 +20,20 @@ _Flags = NDArray[np.bool_]
 
 def reset_info(batch: Batch[ConfigT, EpisodeT], begun: _Flags) -> VectorInfo:
     """Return the infos of resets where ``begun`` holds."""
-    info: VectorInfo = {}
-    for name, values in zip(batch.task.measures, batch.measures.T, strict=True):
-        _put(info, name, values, begun)
+    info = _measures(batch, begun)
+    randomized = begun & batch.randomized
+    if randomized.any():
+        drawn: VectorInfo = {}
+        for name, values in zip(batch.task.drawn_names, batch.drawn.T, strict=True):
+            _put(drawn, name, values, randomized)
+        info |= {"randomization": drawn, "_randomization": randomized}
     return info
 
 
 def batch_info(batch: Batch[ConfigT, EpisodeT], stepped: _Flags) -> VectorInfo:
     """Return the infos of a step where ``stepped`` holds."""
     fleet = batch.fleet
-    info = reset_info(batch, stepped)
+    info = _measures(batch, stepped)
     moved = stepped
     for name, lost in (("diverged", fleet.diverged), ("off_map", fleet.off_map)):
         lost &= stepped
@@ -51,6 +55,13 @@ def batch_info(batch: Batch[ConfigT, EpisodeT], stepped: _Flags) -> VectorInfo:
     for name, values in zip(batch.term_names, batch.terms.T, strict=True):
         _put(terms, name, values, moved)
     return info | {"reward_terms": terms, "_reward_terms": moved.copy()}
+
+
+def _measures(batch: Batch[ConfigT, EpisodeT], mask: _Flags) -> VectorInfo:
+    info: VectorInfo = {}
+    for name, values in zip(batch.task.measures, batch.measures.T, strict=True):
+        _put(info, name, values, mask)
+    return info
 
 
 def merged(info: VectorInfo, other: VectorInfo) -> VectorInfo:

@@ -41,7 +41,7 @@ static void set_body(double *row, grouser_body body) {
 }
 
 static grouser_body rates_of(const grouser_dynamics *dynamics, grouser_body body, const double *force) {
-  return grouser_rates(dynamics->vehicle, dynamics->footing->pull_x, dynamics->footing->pull_y, body, force);
+  return grouser_rates(dynamics->inertia, dynamics->footing->pull_x, dynamics->footing->pull_y, body, force);
 }
 
 /* y = anchor + gain f(y), as it is solved. */
@@ -80,7 +80,7 @@ static int solve_stage(grouser_dynamics *dynamics, const double *start, const st
     }
     if (iteration == GROUSER_NEWTON_LIMIT || !isfinite(size)) return 0;
     const grouser_body direction =
-        grouser_newton_direction(dynamics->vehicle, body, (const double(*)[3])slope, residual, s->gain);
+        grouser_newton_direction(dynamics->inertia, body, (const double(*)[3])slope, residual, s->gain);
     if (!grouser_finite_body(direction)) return 0;
     double damping = 1.0;
     grouser_body trial = body;
@@ -100,7 +100,7 @@ static int solve_stage(grouser_dynamics *dynamics, const double *start, const st
 static int solve_from_two_guesses(grouser_dynamics *dynamics, const double *row, const stage *s, grouser_body guess,
                                   stage_solution *out) {
   const double left = row[GROUSER_V_LEFT], right = row[GROUSER_V_RIGHT];
-  const grouser_body rolling = {(left + right) / 2, 0.0, (right - left) / dynamics->vehicle->tread};
+  const grouser_body rolling = {(left + right) / 2, 0.0, (right - left) / dynamics->tread};
   return solve_stage(dynamics, row, s, guess, out) || solve_stage(dynamics, row, s, rolling, out);
 }
 

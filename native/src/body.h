@@ -23,12 +23,16 @@ static inline grouser_body grouser_along(grouser_body start, double length, grou
   return end;
 }
 
+typedef struct {
+  double mass, yaw_inertia; /* kg, kg m^2 */
+} grouser_inertia;
+
 /* f(y) = (Qx/m + g_x + w Vy, Qy/m + g_y - w Vx, Mz/I_z). */
-static inline grouser_body grouser_rates(const grouser_vehicle *vehicle, double pull_x, double pull_y,
-                                         grouser_body body, const double force[GROUSER_OUTPUTS]) {
-  const grouser_body rates = {force[0] / vehicle->mass + pull_x + body.yaw_rate * body.vy,
-                              force[1] / vehicle->mass + pull_y - body.yaw_rate * body.vx,
-                              force[2] / vehicle->yaw_inertia};
+static inline grouser_body grouser_rates(grouser_inertia inertia, double pull_x, double pull_y, grouser_body body,
+                                         const double force[GROUSER_OUTPUTS]) {
+  const grouser_body rates = {force[0] / inertia.mass + pull_x + body.yaw_rate * body.vy,
+                              force[1] / inertia.mass + pull_y - body.yaw_rate * body.vx,
+                              force[2] / inertia.yaw_inertia};
   return rates;
 }
 
@@ -45,10 +49,10 @@ static inline double grouser_residual_size(grouser_body residual) {
 }
 
 /* Solves (I - gain df/dy) delta = -residual by cofactors; not finite where the matrix is singular. */
-static inline grouser_body grouser_newton_direction(const grouser_vehicle *vehicle, grouser_body body,
+static inline grouser_body grouser_newton_direction(grouser_inertia inertia, grouser_body body,
                                                     const double slope[GROUSER_OUTPUTS][3], grouser_body residual,
                                                     double gain) {
-  const double by_mass = gain / vehicle->mass, by_inertia = gain / vehicle->yaw_inertia;
+  const double by_mass = gain / inertia.mass, by_inertia = gain / inertia.yaw_inertia;
   const double a = 1.0 - by_mass * slope[0][0], b = -by_mass * slope[0][1] - gain * body.yaw_rate,
                c = -by_mass * slope[0][2] - gain * body.vy;
   const double d = -by_mass * slope[1][0] + gain * body.yaw_rate, e = 1.0 - by_mass * slope[1][1],
@@ -70,7 +74,8 @@ static inline int grouser_finite_body(grouser_body body) { return isfinite(body.
 
 /* What moves the body during one tick. */
 typedef struct {
-  const grouser_vehicle *vehicle;
+  grouser_inertia inertia;
+  double tread; /* m */
   const grouser_footing *footing;
   grouser_blend blend;
 } grouser_dynamics;

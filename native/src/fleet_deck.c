@@ -39,6 +39,7 @@ void grouser_deck_enter(grouser_deck *deck, int lane, const grouser_tick_start *
   }
   deck->pull[0][lane] = start->footing.pull_x;
   deck->pull[1][lane] = start->footing.pull_y;
+  deck->yaw_inertia[lane] = start->traits->yaw_inertia;
   deck->load_ratio[lane] = start->footing.load_ratio;
   deck->iterations[lane] = 0;
   deck->active[lane] = 1;
@@ -65,8 +66,9 @@ static void evaluate_lanes(grouser_deck *deck, int split, int want_slopes) {
 }
 
 /* Residual and Newton direction of every lane, and the forces under its load. */
-static void newton_step(grouser_deck *deck, const grouser_vehicle *vehicle, double gain) {
+static void newton_step(grouser_deck *deck, double mass, double gain) {
   for (int l = 0; l < GROUSER_BLOCK; l++) {
+    const grouser_inertia inertia = {mass, deck->yaw_inertia[l]};
     const double ratio = deck->load_ratio[l];
     const grouser_body body = {deck->left.column[GROUSER_VX][l], deck->left.column[GROUSER_VY][l],
                                deck->left.column[GROUSER_YAW_RATE][l]};
@@ -77,9 +79,9 @@ static void newton_step(grouser_deck *deck, const grouser_vehicle *vehicle, doub
         {ratio * f->slope[0][0][l], ratio * f->slope[0][1][l], ratio * f->slope[0][2][l]},
         {ratio * f->slope[1][0][l], ratio * f->slope[1][1][l], ratio * f->slope[1][2][l]},
         {ratio * f->slope[2][0][l], ratio * f->slope[2][1][l], ratio * f->slope[2][2][l]}};
-    const grouser_body rates = grouser_rates(vehicle, deck->pull[0][l], deck->pull[1][l], body, force);
+    const grouser_body rates = grouser_rates(inertia, deck->pull[0][l], deck->pull[1][l], body, force);
     const grouser_body residual = grouser_residual(body, anchor, gain, rates);
-    const grouser_body direction = grouser_newton_direction(vehicle, body, slope, residual, gain);
+    const grouser_body direction = grouser_newton_direction(inertia, body, slope, residual, gain);
     const double sum = slope[0][0] + slope[0][1] + slope[0][2] + slope[1][0] + slope[1][1] + slope[1][2] +
                        slope[2][0] + slope[2][1] + slope[2][2];
     deck->spoilt[l] = sum * 0.0; /* NaN where a slope is not finite */
@@ -110,7 +112,7 @@ void grouser_deck_evaluate(grouser_deck *deck, const grouser_plant *plant) {
     kernel->evaluate_block(kernel->self, &deck->left, split ? &deck->right : &deck->left, want_slopes, &deck->forces);
   else
     evaluate_lanes(deck, split, want_slopes);
-  newton_step(deck, &plant->vehicle,
+  newton_step(deck, plant->vehicle.mass,
               plant->integrator == GROUSER_SDIRK2 ? GROUSER_SDIRK_GAMMA * plant->step : plant->step);
 }
 
@@ -126,9 +128,9 @@ static void read_solution(const grouser_deck *deck, int l, const grouser_tick_st
   solution->divisions = 1;
 }
 
-static grouser_body rates_in(const grouser_deck *deck, const grouser_vehicle *vehicle, int l,
-                             const grouser_body_step *solution) {
-  return grouser_rates(vehicle, deck->pull[0][l], deck->pull[1][l], solution->body, solution->force);
+static grouser_body rates_in(const grouser_deck *deck, double mass, int l, const grouser_body_step *solution) {
+  const grouser_inertia inertia = {mass, deck->yaw_inertia[l]};
+  return grouser_rates(inertia, deck->pull[0][l], deck->pull[1][l], solution->body, solution->force);
 }
 
 enum grouser_progress grouser_deck_proceed(grouser_deck *deck, const grouser_plant *plant, int l,
@@ -139,7 +141,7 @@ enum grouser_progress grouser_deck_proceed(grouser_deck *deck, const grouser_pla
   if (!sound) return GROUSER_STUCK;
   if (plant->integrator == GROUSER_EULER) {
     read_solution(deck, l, start, solution);
-    solution->body = grouser_along(solution->body, plant->step, rates_in(deck, &plant->vehicle, l, solution));
+    solution->body = grouser_along(solution->body, plant->step, rates_in(deck, plant->vehicle.mass, l, solution));
     return GROUSER_CONVERGED;
   }
   if (deck->iteration[l] > 0 && !(size < deck->size_before[l])) return GROUSER_STUCK;
@@ -148,7 +150,7 @@ enum grouser_progress grouser_deck_proceed(grouser_deck *deck, const grouser_pla
     read_solution(deck, l, start, solution);
     if (plant->integrator != GROUSER_SDIRK2 || deck->stage[l] > 0) return GROUSER_CONVERGED;
     const grouser_body body = {start->row[GROUSER_VX], start->row[GROUSER_VY], start->row[GROUSER_YAW_RATE]};
-    const grouser_body rates = rates_in(deck, &plant->vehicle, l, solution);
+    const grouser_body rates = rates_in(deck, plant->vehicle.mass, l, solution);
     begin_stage(deck, l, grouser_along(body, (1.0 - GROUSER_SDIRK_GAMMA) * plant->step, rates), 1);
   } else {
     const grouser_body direction = {deck->direction[0][l], deck->direction[1][l], deck->direction[2][l]};

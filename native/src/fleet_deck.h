@@ -10,7 +10,7 @@ typedef struct {
   const grouser_kernel *kernel;
   grouser_block_rows left, right;
   grouser_block_forces forces;
-  double anchor[3][GROUSER_BLOCK], pull[2][GROUSER_BLOCK], load_ratio[GROUSER_BLOCK];
+  double anchor[3][GROUSER_BLOCK], pull[2][GROUSER_BLOCK], load_ratio[GROUSER_BLOCK], yaw_inertia[GROUSER_BLOCK];
   double size[GROUSER_BLOCK], size_before[GROUSER_BLOCK]; /* of the residual, now and a step ago */
   double direction[3][GROUSER_BLOCK], spoilt[GROUSER_BLOCK];
   int stage[GROUSER_BLOCK], iteration[GROUSER_BLOCK], iterations[GROUSER_BLOCK];

@@ -80,6 +80,7 @@ static int take_vehicle(crew *c, lane *own) {
     own->ticks = c->ticks;
     own->solved = 0;
     grouser_fleet_load(c->fleet, own->vehicle, &own->state);
+    own->start.traits = &c->fleet->traits[own->vehicle];
     own->start.cosine = cos(own->state.heading);
     own->start.sine = sin(own->state.heading);
     if (next_tick(c, own, GROUSER_SOLVED)) return 1;

@@ -17,6 +17,7 @@ typedef struct {
   grouser_fleet_hold hold;
   int pooled, advancing, without_ground;
   grouser_ground *grounds;
+  grouser_traits *traits;
   PyObject **fields;                  /* that the grounds point into, one a vehicle, or NULL */
   PyObject *kernel, *fallback;        /* that the plant and the guard point into */
   grouser_array state, memory, record;
@@ -160,15 +161,18 @@ static int build(fleet_object *self, PyObject *arguments, PyObject *keywords) {
   if (acquire_arrays(self, state, memory, record, status) < 0) return -1;
   const size_t vehicles = (size_t)self->fleet.vehicles;
   self->grounds = PyMem_Calloc(vehicles, sizeof *self->grounds);
+  self->traits = PyMem_Calloc(vehicles, sizeof *self->traits);
   self->fields = PyMem_Calloc(vehicles, sizeof *self->fields);
-  if (!self->grounds || !self->fields) {
+  if (!self->grounds || !self->traits || !self->fields) {
     PyErr_NoMemory();
     return -1;
   }
   grouser_plant_init(&self->plant, &vehicle, kernel, guarded ? &self->guard : NULL, tracks,
                      (enum grouser_integrator)integrator, step, tolerance);
+  for (size_t n = 0; n < vehicles; n++) self->traits[n] = self->plant.traits;
   self->fleet.plant = &self->plant;
   self->fleet.grounds = self->grounds;
+  self->fleet.traits = self->traits;
   self->without_ground = self->fleet.vehicles;
   self->hold = (grouser_fleet_hold){&self->fleet, &self->pool, &self->advancing, &self->without_ground};
   self->pooled = grouser_pool_start(&self->pool, threads);
@@ -191,6 +195,7 @@ static void fleet_dealloc(PyObject *object) {
   for (int n = 0; self->fields && n < self->fleet.vehicles; n++) Py_XDECREF(self->fields[n]);
   PyMem_Free(self->fields);
   PyMem_Free(self->grounds);
+  PyMem_Free(self->traits);
   grouser_array *arrays[] = {&self->state, &self->memory, &self->record};
   for (int n = 0; n < 3; n++)
     if (arrays[n]->data) grouser_array_release(arrays[n]);
@@ -208,6 +213,26 @@ static int is_idle(const fleet_object *self) {
   return 0;
 }
 
+static int may_be_set(const fleet_object *self, Py_ssize_t vehicle) {
+  if (!is_idle(self)) return 0;
+  if (vehicle >= 0 && vehicle < self->fleet.vehicles) return 1;
+  PyErr_Format(PyExc_ValueError, "vehicle must lie in [0, %d), got %zd", self->fleet.vehicles, vehicle);
+  return 0;
+}
+
+static PyObject *fleet_set_traits(PyObject *object, PyObject *arguments) {
+  fleet_object *self = (fleet_object *)object;
+  grouser_vehicle own = self->plant.vehicle;
+  Py_ssize_t vehicle;
+  if (!PyArg_ParseTuple(arguments, "nddd:set_traits", &vehicle, &own.yaw_inertia, &own.belt_time_constant,
+                        &own.belt_acceleration))
+    return NULL;
+  if (!may_be_set(self, vehicle) || !vehicle_is_possible(&own, self->plant.step, self->plant.tolerance)) return NULL;
+  self->traits[vehicle] =
+      grouser_traits_of(own.yaw_inertia, own.belt_time_constant, own.belt_acceleration, self->plant.step);
+  return Py_NewRef(Py_None);
+}
+
 static PyObject *fleet_set_ground(PyObject *object, PyObject *arguments) {
   fleet_object *self = (fleet_object *)object;
   const int parameters = self->plant.kernel->columns - GROUSER_TERRAIN;
@@ -219,9 +244,7 @@ static PyObject *fleet_set_ground(PyObject *object, PyObject *arguments) {
   if (!PyArg_ParseTuple(arguments, "nOdd|O:set_ground", &vehicle, &theta_object, &ground.slope_x, &ground.slope_y,
                         &field_object))
     return NULL;
-  if (!is_idle(self)) return NULL;
-  if (vehicle < 0 || vehicle >= self->fleet.vehicles)
-    return PyErr_Format(PyExc_ValueError, "vehicle must lie in [0, %d), got %zd", self->fleet.vehicles, vehicle);
+  if (!may_be_set(self, vehicle)) return NULL;
   if (!(isfinite(ground.slope_x) && isfinite(ground.slope_y))) {
     PyErr_SetString(PyExc_ValueError, "slopes must be finite");
     return NULL;
@@ -292,6 +315,8 @@ static PyGetSetDef fleet_attributes[] = {
 static PyMethodDef fleet_methods[] = {
     {"set_ground", fleet_set_ground, METH_VARARGS,
      "set_ground(vehicle, theta, slope_x, slope_y[, field]): theta of the left track, then the right; a field replaces it."},
+    {"set_traits", fleet_set_traits, METH_VARARGS,
+     "set_traits(vehicle, yaw_inertia, belt_time_constant, belt_acceleration): in place of those of the whole fleet."},
     {"advance", (PyCFunction)(void (*)(void))fleet_advance, METH_FASTCALL,
      "advance(commands, ticks): move every vehicle that is not lost, under the belt speeds (left, right) of its row."},
     {NULL, NULL, 0, NULL}};

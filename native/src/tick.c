@@ -20,8 +20,14 @@ void grouser_plant_init(grouser_plant *plant, const grouser_vehicle *vehicle, co
   plant->integrator = integrator;
   plant->step = step;
   plant->tolerance = tolerance;
-  plant->decay = exp(-step / vehicle->belt_time_constant);
-  plant->half_decay = exp(-(step / 2) / vehicle->belt_time_constant);
+  plant->traits =
+      grouser_traits_of(vehicle->yaw_inertia, vehicle->belt_time_constant, vehicle->belt_acceleration, step);
+}
+
+grouser_traits grouser_traits_of(double yaw_inertia, double belt_time_constant, double belt_acceleration, double step) {
+  const grouser_traits traits = {yaw_inertia, belt_time_constant, belt_acceleration, exp(-step / belt_time_constant),
+                                 exp(-(step / 2) / belt_time_constant)};
+  return traits;
 }
 
 grouser_vehicle_state grouser_vehicle_at_rest(void) {
@@ -32,13 +38,13 @@ grouser_vehicle_state grouser_vehicle_at_rest(void) {
 }
 
 /* dV/dt = clip((u - V)/T_d, +-a): while the gap exceeds a T_d the belt ramps, then it closes in exponentially. */
-static double belt_after(const grouser_vehicle *vehicle, double speed, double command, double elapsed, double decay) {
-  const double gap = command - speed, acceleration = vehicle->belt_acceleration;
-  const double linear_gap = acceleration * vehicle->belt_time_constant;
+static double belt_after(const grouser_traits *traits, double speed, double command, double elapsed, double decay) {
+  const double gap = command - speed, acceleration = traits->belt_acceleration;
+  const double linear_gap = acceleration * traits->belt_time_constant;
   const double ramp_time = (fabs(gap) - linear_gap) / acceleration;
   if (ramp_time >= elapsed) return speed + copysign(acceleration, gap) * elapsed;
   if (ramp_time > 0)
-    return command - copysign(linear_gap, gap) * exp(-(elapsed - ramp_time) / vehicle->belt_time_constant);
+    return command - copysign(linear_gap, gap) * exp(-(elapsed - ramp_time) / traits->belt_time_constant);
   return command - gap * decay;
 }
 
@@ -50,7 +56,7 @@ static int finite_state(const grouser_vehicle_state *state) {
 enum grouser_status grouser_tick_begin(const grouser_plant *plant, const grouser_ground *ground,
                                        const double command[2], const grouser_vehicle_state *state,
                                        grouser_tick_start *start) {
-  const grouser_vehicle *vehicle = &plant->vehicle;
+  const grouser_traits *traits = start->traits;
   const int columns = plant->kernel->columns;
   const double belts[2] = {state->v_left, state->v_right};
   if (!finite_state(state) || !isfinite(command[0]) || !isfinite(command[1])) return GROUSER_DIVERGED;
@@ -63,11 +69,11 @@ enum grouser_status grouser_tick_begin(const grouser_plant *plant, const grouser
   start->row[GROUSER_AX] = state->ax;
   start->row[GROUSER_AY] = state->ay;
   for (int side = 0; side < 2; side++) {
-    start->belts[side] = belt_after(vehicle, belts[side], command[side], plant->step, plant->decay);
+    start->belts[side] = belt_after(traits, belts[side], command[side], plant->step, traits->decay);
     start->row[GROUSER_V_LEFT + side] =
         plant->integrator == GROUSER_EULER
             ? belts[side]
-            : belt_after(vehicle, belts[side], command[side], plant->step / 2, plant->half_decay);
+            : belt_after(traits, belts[side], command[side], plant->step / 2, traits->half_decay);
   }
   for (int p = 0; p < columns - GROUSER_TERRAIN; p++) start->row[GROUSER_TERRAIN + p] = start->footing.theta[0][p];
   start->guard = state->guard;
@@ -92,7 +98,8 @@ static int solve(const grouser_plant *plant, const grouser_tick_start *start, gr
 enum grouser_status grouser_tick_solve(const grouser_plant *plant, grouser_tick_start *start,
                                        const grouser_vehicle_state *state, grouser_body_step *step) {
   grouser_dynamics dynamics = {
-      &plant->vehicle,
+      {plant->vehicle.mass, start->traits->yaw_inertia},
+      plant->vehicle.tread,
       &start->footing,
       {plant->kernel, plant->guard ? plant->guard->fallback : NULL, start->guard.fallback_weight, 0}};
   int solved = solve(plant, start, &dynamics, step);
@@ -136,6 +143,7 @@ enum grouser_status grouser_tick(const grouser_plant *plant, const grouser_groun
   grouser_tick_start start;
   grouser_body_step step;
   memset(&start, 0, sizeof start);
+  start.traits = &plant->traits;
   start.cosine = cos(state->heading);
   start.sine = sin(state->heading);
   enum grouser_status status = grouser_tick_begin(plant, ground, command, state, &start);

@@ -6,6 +6,7 @@
 #include "grouser/tick.h"
 
 typedef struct {
+  const grouser_traits *traits;    /* of the vehicle; set beforehand, as the cosine and the sine are */
   double cosine, sine;             /* of the heading at the tick's start, and at its end when it is finished */
   double belts[2];                 /* m/s, at the tick's end */
   double row[GROUSER_MAX_COLUMNS]; /* at its start, belts as the integrator takes them */
@@ -14,7 +15,7 @@ typedef struct {
   grouser_detection detection;
 } grouser_tick_start;
 
-/* Fills `start`, whose cosine and sine are there already. */
+/* Fills the rest of `start`. */
 enum grouser_status grouser_tick_begin(const grouser_plant *plant, const grouser_ground *ground,
                                        const double command[2], const grouser_vehicle_state *state,
                                        grouser_tick_start *start);

@@ -3,8 +3,10 @@
 import gc
 import math
 import os
+import pickle
 import weakref
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -336,6 +338,75 @@ def test_each_vehicle_drives_on_its_own_ground() -> None:
         for _ in range(150):
             state = simulator.step(BeltCommand(0.0, 0.0)).state
         np.testing.assert_allclose(fleet.numbers[:, index], numbers(state), rtol=0, atol=1e-9)
+
+
+# Belts and yaw inertia of one's own
+
+
+def various(count: int, seed: int = 3) -> list[TrackedVehicle]:
+    """Vehicles on one block whose yaw inertia and belts all differ."""
+    drawn = np.random.default_rng(seed).uniform(0.5, 2.0, (count, 3)).tolist()
+    return [
+        replace(
+            M113,
+            yaw_inertia=M113.yaw_inertia * inertia,
+            belt_time_constant=M113.belt_time_constant * lag,
+            belt_acceleration=M113.belt_acceleration * acceleration,
+        )
+        for inertia, lag, acceleration in drawn
+    ]
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_a_vehicle_with_its_own_belts_and_yaw_inertia_is_that_of_the_simulator(integrator: Integrator) -> None:
+    backend = make_backend("physics", mode="rigid", vehicle=M113, **COARSE)
+    vehicles, start = various(3), VehicleState.rolling(3.0)
+    fleet = VehicleFleet(M113, backend, FIRM, 3, integrator=integrator, state=start)
+    simulators = [Simulator(each, backend, FIRM, integrator=integrator, state=start) for each in vehicles]
+    for index, each in enumerate(vehicles):
+        fleet.set_vehicle(index, each)
+    for command in commands(4, 300 if integrator != "euler" else 100):
+        fleet.advance(np.tile(command, (3, 1)))
+        states = [simulator.step(BeltCommand(*command.tolist())).state for simulator in simulators]
+    np.testing.assert_allclose(fleet.numbers.T, [numbers(state) for state in states], rtol=0, atol=1e-9)
+    assert len(np.unique(fleet.numbers[0])) == 3
+
+
+def test_whoever_stands_beside_it_a_vehicle_of_its_own_kind_has_the_same_bits() -> None:
+    backend = make_backend("native", mode="rigid", vehicle=M113)
+    vehicles, belts = various(37), np.random.default_rng(5).uniform(-4.0, 8.0, (20, 37, 2))
+    fleets = [VehicleFleet(M113, backend, FIRM, 37, threads=threads) for threads in (1, 2)]
+    for fleet in fleets:
+        for index, each in enumerate(vehicles):
+            fleet.set_vehicle(index, each)
+        for command in belts:
+            fleet.advance(command, 10)
+    np.testing.assert_array_equal(fleets[0].numbers, fleets[1].numbers)
+    for index in (0, 15, 36):
+        alone = VehicleFleet(vehicles[index], backend, FIRM, 1)
+        for command in belts:
+            alone.advance(command[index : index + 1], 10)
+        np.testing.assert_array_equal(alone.numbers[:, 0], fleets[0].numbers[:, index])
+
+
+def test_a_vehicle_set_back_to_the_fleet_s_leaves_no_trace() -> None:
+    fleets = [VehicleFleet(M113, "physics", ASPHALT, 2, state=VehicleState.rolling(3.0)) for _ in range(2)]
+    fleets[0].set_vehicle(1, various(1)[0])
+    fleets[0].set_vehicle(1, M113)
+    for fleet in fleets:
+        fleet.advance(np.array([[4.0, 1.0], [1.0, 4.0]]), 50)
+    np.testing.assert_array_equal(fleets[0].numbers, fleets[1].numbers)
+
+
+def test_a_pickled_fleet_keeps_the_vehicles_that_were_set() -> None:
+    fleet = VehicleFleet(M113, "physics", ASPHALT, 2)
+    fleet.set_vehicle(1, various(1)[0])
+    copied = pickle.loads(pickle.dumps(fleet))
+    assert copied.get_vehicle(1) == fleet.get_vehicle(1) != copied.get_vehicle(0)
+    for each in (fleet, copied):
+        each.advance(np.full((2, 2), 6.0), 30)
+    np.testing.assert_array_equal(fleet.numbers, copied.numbers)
+    assert fleet.numbers[0, 0] != fleet.numbers[0, 1]
 
 
 def test_ground_that_nobody_drives_on_any_more_is_let_go() -> None:

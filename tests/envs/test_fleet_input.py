@@ -1,5 +1,7 @@
 """What a fleet refuses, and how it says so."""
 
+import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -128,6 +130,29 @@ def test_commands_that_do_not_fit_are_refused_and_nothing_moves(commands: Any, t
     with pytest.raises(InvalidInputError, match=said):
         fleet.advance(commands, ticks)
     assert fleet.get_state(0) == VehicleState()
+
+
+@pytest.mark.parametrize("change", [{"mass": 12e3}, {"cg_height": 1.0}, {"tread": 2.5}, {"maximum_speed": 20.0}])
+def test_a_vehicle_that_needs_another_block_or_commands_is_refused(change: dict[str, float]) -> None:
+    fleet = VehicleFleet(M113, PHYSICS, ASPHALT, 2)
+    with pytest.raises(ConfigurationError, match="yaw_inertia, belt_time_constant and belt_acceleration"):
+        fleet.set_vehicle(1, replace(M113, **change))  # type: ignore[arg-type]
+    assert fleet.get_vehicle(1) is M113
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_the_engine_refuses_traits_that_are_not_positive_and_finite(place: int, value: float) -> None:
+    traits = [37300.0, 0.2, 4.0]
+    traits[place] = value
+    with pytest.raises(ValueError, match="positive and finite"):
+        engine().set_traits(0, *traits)
+
+
+@pytest.mark.parametrize("index", [-1, 4, 2**40])
+def test_a_vehicle_that_is_not_there_has_no_traits(index: int) -> None:
+    with pytest.raises(ValueError, match="vehicle must lie in"):
+        engine().set_traits(index, 37300.0, 0.2, 4.0)
 
 
 @pytest.mark.parametrize("index", [-1, 3, 2**40])

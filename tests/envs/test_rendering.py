@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,7 +15,22 @@ from numpy.typing import NDArray
 from grouser.envs.paths import circle, make_path, straight
 from grouser.envs.rendering import Renderer
 from grouser.envs.state import VehicleState
-from grouser.terrain import ConfigurationError, InvalidInputError, TrackedVehicle
+from grouser.terrain import (
+    ConfigurationError,
+    FloatArray,
+    Ground,
+    InvalidInputError,
+    Mode,
+    Patch,
+    Rectangle,
+    RigidTerrain,
+    SlopedGround,
+    SoilTerrain,
+    TerrainField,
+    TrackedVehicle,
+    named,
+    paint_field,
+)
 
 pygame = pytest.importorskip("pygame")
 
@@ -203,3 +219,91 @@ class TestRefusals:
         monkeypatch.setitem(sys.modules, "pygame", None)
         with pytest.raises(ConfigurationError, match=r"'pygame-ce': pip install 'grouser\[render\]'"):
             Renderer(straight(), M113)
+
+
+class TestGround:
+    def view(self, ground: Ground | None, size: tuple[int, int] = (480, 270)) -> Frame:
+        frame = Renderer(None, M113, size=size).draw(VehicleState(), ground=ground)
+        assert frame is not None
+        return frame
+
+    def brightness(self, frame: Frame, x: float, y: float) -> float:
+        """Mean brightness of a square of a metre about a place in m, whose middle no line of the grid crosses."""
+        per_meter = frame.shape[0] / (6.0 * M113.contact_length)
+        row, column = (round(side / 2 + offset * per_meter) for side, offset in zip(frame.shape, (-y, x), strict=False))
+        half = round(per_meter / 2)
+        return float(frame[row - half : row + half, column - half : column + half].mean())
+
+    def test_is_the_darker_the_better_it_holds(self) -> None:
+        frames = [self.view(RigidTerrain(mu)) for mu in (0.1, 0.4, 0.8)]
+        shades = [self.brightness(frame, 3.0, -3.0) for frame in frames]
+        assert shades == sorted(shades, reverse=True)
+
+    def test_soil_and_rigid_ground_of_equal_grip_look_alike(self) -> None:
+        """A soil without cohesion grips by tan φ."""
+        soil, rigid = SoilTerrain(0.0, math.atan(0.5)), RigidTerrain(0.5)
+        assert np.array_equal(self.view(soil), self.view(rigid))
+
+    def test_patches_lie_where_they_are(self) -> None:
+        """Ice to the upper right, seen with y upwards."""
+        extent = (-40.0, 40.0, -40.0, 40.0)
+        field = paint_field(named("asphalt"), extent, patches=[Patch(named("ice"), Rectangle(x_min=0.0, y_min=0.0))])
+        frame = self.view(field)
+        ice, *others = (self.brightness(frame, x, y) for x, y in ((8, 3), (8, -3), (-8, -3), (3, -3)))
+        assert ice > max(others) + 40
+        assert np.ptp(others) < 2
+
+    def test_every_form_of_a_ground_looks_the_same(self) -> None:
+        class Mine:
+            mode: Mode = "rigid"
+
+            def parameters_at(self, x: float, y: float) -> FloatArray:
+                return named("asphalt").parameters
+
+            def gradient_at(self, x: float, y: float) -> tuple[float, float]:
+                return 0.0, 0.0
+
+        terrain = named("asphalt")
+        uniform = TerrainField.uniform(terrain, (-50.0, 50.0, -50.0, 50.0), spacing=0.7)
+        for ground in (SlopedGround(terrain, 0.1), uniform, Mine()):
+            assert np.array_equal(self.view(ground), self.view(terrain))
+
+    def test_beyond_the_map_there_is_nothing(self) -> None:
+        extent = (-40.0, 2.0, -40.0, 40.0)
+        refusing = TerrainField.uniform(named("asphalt"), extent)
+        frame, extended = self.view(refusing), self.view(replace(refusing, outside="extend"))
+        assert self.brightness(frame, 9.0, -3.0) < self.brightness(frame, -3.0, -3.0) - 30
+        assert self.brightness(extended, 9.0, -3.0) == pytest.approx(self.brightness(extended, -3.0, -3.0), abs=3)
+
+
+class TestGaugeAndCommand:
+    def test_the_gauge_shows_each_track(self) -> None:
+        """A belt that is faster fills its bar to the right, one that is slower to the left."""
+        renderer = Renderer(None, M113)
+        still = frame_of(renderer, VehicleState())
+        frame = frame_of(renderer, VehicleState(v_left=1.0, v_right=-1.0))
+        corner = (frame != still).any(axis=-1)[440:, :200]
+        rows, columns = np.nonzero(corner)
+        middle = (rows.min() + rows.max()) / 2
+        left_track, right_track = columns[rows < middle], columns[rows > middle]
+        assert left_track.min() >= right_track.max() - 2
+        assert np.ptp(left_track) == pytest.approx(np.ptp(right_track), abs=2)
+
+    @pytest.mark.parametrize(("yaw_rate", "side"), [(0.4, -1), (0.0, 0), (-0.4, 1)])
+    def test_the_command_is_where_it_leads_in_two_seconds(self, yaw_rate: float, side: int) -> None:
+        """Against the circle's closed form."""
+        speed, per_meter = 4.0, 540 / (6.0 * M113.contact_length)
+        renderer = Renderer(None, M113)
+        without, with_command = (
+            renderer.draw(VehicleState(), command=command) for command in ((0.0, yaw_rate), (speed, yaw_rate))
+        )
+        assert without is not None
+        assert with_command is not None
+        differs = (without != with_command).any(axis=-1)
+        differs[:200, :400] = False
+        _, columns = np.nonzero(differs)
+        x = 2 * speed if side == 0 else speed / yaw_rate * math.sin(2 * yaw_rate)
+        end = 480 + x * per_meter
+        assert columns.max() == pytest.approx(end, abs=0.15 * M113.contact_length * per_meter)
+        y = 0.0 if side == 0 else speed / yaw_rate * (1 - math.cos(2 * yaw_rate))
+        assert differs[round(270 - y * per_meter), round(end)]

@@ -5,10 +5,11 @@ import subprocess
 import sys
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
-from grouser.envs import PathTrackingEnv
+from grouser.envs import ActionDelay, ObservationNoise, PathTrackingEnv
 from grouser.envs.sb3 import make_sb3_vec_env
 from grouser.terrain import ConfigurationError, InvalidInputError
 
@@ -161,3 +162,64 @@ def test_without_stable_baselines_the_extra_is_named() -> None:
 def test_another_environment_is_refused() -> None:
     with pytest.raises((ConfigurationError, TypeError)):
         make_sb3_vec_env("CartPole-v1", 2)
+
+
+@pytest.mark.parametrize("name", [PATH, SPEED])
+def test_randomization_noise_and_delay_are_those_of_single_environments(name: str) -> None:
+    """Terminal observations included."""
+    settings: dict[str, Any] = {"time_limit": 0.5, "randomize": {"terrain": "wide", "yaw_inertia": (0.8, 1.25)}}
+    ours = make(name, seed=9, observation_noise=0.05, action_delay=(0, 3), **settings)
+
+    def single() -> Any:
+        env: Any = gymnasium.make(name, **COARSE, **settings)
+        return ObservationNoise(ActionDelay(env, (0, 3)), 0.05)
+
+    theirs = DummyVecEnv([single] * 3)
+    theirs.seed(9)
+    trace, expected = drive(ours, 12), drive(theirs, 12)
+    assert trace[0].tobytes() == expected[0].tobytes()
+    for (observations, rewards, dones, infos), wanted in zip(trace[1:], expected[1:], strict=True):
+        assert observations.tobytes() == wanted[0].tobytes()
+        assert rewards == pytest.approx(wanted[1], rel=1e-6)  # theirs are float32
+        assert dones.tolist() == wanted[2].tolist()
+        for index in np.flatnonzero(dones):
+            assert infos[index]["terminal_observation"].tobytes() == wanted[3][index]["terminal_observation"].tobytes()
+    assert ours.reset_infos == theirs.reset_infos
+
+
+def test_a_reward_of_ones_own_is_what_is_learned_from() -> None:
+    env = make(SPEED, 2, seed=0, reward=lambda view: -np.abs(view.measures["speed_error"]))
+    env.reset()
+    rewards = env.step(np.zeros((2, 2), np.float32))[1]
+    assert rewards.tolist() == (-np.abs(env._batch.measures[:, 0])).tolist()
+
+
+def test_reconfigured_once_for_all() -> None:
+    env = make(count=3, path="straight")
+    env.reset()
+    assert env.env_method("reconfigure", lateral_spread=1.0, heading_spread=0.0) == [None] * 3
+    env.seed(2)
+    env.reset()
+    assert max(abs(info["cross_track_error"]) for info in env.reset_infos) > 0.2
+    with pytest.raises(ConfigurationError, match="share one task"):
+        env.env_method("reconfigure", indices=[0], lateral_spread=0.1)
+
+
+def test_frames_of_the_first_few() -> None:
+    pytest.importorskip("pygame")
+    env = make(count=3, render_mode="rgb_array", rendered_envs=2)
+    env.reset()
+    assert env.render_mode == "rgb_array"
+    first, second = env.get_images()
+    assert first.shape == second.shape == (540, 960, 3)
+    assert not np.array_equal(first, second)
+    # stable-baselines3 tiles them into one picture.
+    assert env.render().shape[2] == 3
+    env.close()
+
+
+def test_impossible_noise_and_delay_are_refused() -> None:
+    with pytest.raises(InvalidInputError, match="standard deviations"):
+        make(observation_noise=-0.1)
+    with pytest.raises(InvalidInputError, match="control periods"):
+        make(action_delay=-1)

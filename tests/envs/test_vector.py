@@ -375,3 +375,32 @@ class TestCopies:
                 assert repr(outcome[2:]) == repr(expected[2:])
                 if not isinstance(env, gymnasium.vector.VectorEnv) and outcome[3]:
                     assert twin.reset()[0].tobytes() == env.reset()[0].tobytes()
+
+
+class TestFrames:
+    def test_are_those_of_single_environments(self) -> None:
+        pytest.importorskip("pygame")
+        options: dict[str, Any] = COARSE | {"render_mode": "rgb_array"}
+        ours = make(SPEED, 2, **options)
+        theirs: Any = gymnasium.make_vec(SPEED, 2, "sync", **options)
+        for env in (ours, theirs):
+            env.reset(seed=0)
+            env.step(actions(2, 1)[0])
+        frames, expected = ours.render(), theirs.render()
+        assert np.array_equal(np.stack(frames), np.stack(expected))
+        ours.close()
+
+    def test_of_the_first_few(self) -> None:
+        pytest.importorskip("pygame")
+        env = make(PATH, 3, render_mode="rgb_array", rendered_envs=1)
+        env.reset(seed=0)
+        assert [frame.shape for frame in env.render()] == [(540, 960, 3)]
+
+    def test_a_window_is_for_single_environments(self) -> None:
+        with pytest.raises(ConfigurationError, match="render mode of a vector environment"):
+            make(PATH, 2, render_mode="human")
+
+    @pytest.mark.parametrize("count", [0, 4, 1.5, True])
+    def test_of_more_than_there_are(self, count: Any) -> None:
+        with pytest.raises(InvalidInputError, match="rendered_envs"):
+            make(PATH, 3, render_mode="rgb_array", rendered_envs=count)

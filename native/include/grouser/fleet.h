@@ -44,6 +44,7 @@ typedef struct {
   const grouser_plant *plant;
   int vehicles;
   const grouser_ground *grounds; /* vehicles */
+  const grouser_traits *traits;  /* vehicles */
   double *state;                 /* GROUSER_STATE_ROWS x vehicles */
   double *guard;                 /* GROUSER_GUARD_ROWS x vehicles */
   double *record;                /* GROUSER_RECORD_ROWS x vehicles: of the last tick that was solved */

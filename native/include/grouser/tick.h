@@ -23,6 +23,14 @@ typedef struct {
   double belt_acceleration;     /* m/s^2 */
 } grouser_vehicle;
 
+/* What no force block knows of, and what may therefore differ between the vehicles of a fleet. */
+typedef struct {
+  double yaw_inertia;        /* kg m^2 */
+  double belt_time_constant; /* s */
+  double belt_acceleration;  /* m/s^2 */
+  double decay, half_decay;  /* of a belt's gap to its command, over a tick and over half of one */
+} grouser_traits;
+
 /* Position and heading in the plane, motion in body axes, belt speeds, memory of the accelerations Qx/m and Qy/m. */
 typedef struct {
   double x, y, heading;         /* m, m, rad */
@@ -42,7 +50,7 @@ typedef struct {
   enum grouser_integrator integrator;
   double step;                  /* s */
   double tolerance;             /* m/s and rad/s, residual at which a stage counts as solved */
-  double decay, half_decay;     /* of a belt's gap to its command, over a tick and over half of one */
+  grouser_traits traits;        /* of a vehicle that has none of its own */
 } grouser_plant;
 
 /* What one tick did. */
@@ -57,6 +65,8 @@ typedef struct {
 void grouser_plant_init(grouser_plant *plant, const grouser_vehicle *vehicle, const grouser_kernel *kernel,
                         const grouser_guard *guard, int tracks, enum grouser_integrator integrator, double step,
                         double tolerance);
+
+grouser_traits grouser_traits_of(double yaw_inertia, double belt_time_constant, double belt_acceleration, double step);
 
 /* At rest at the origin. */
 grouser_vehicle_state grouser_vehicle_at_rest(void);
