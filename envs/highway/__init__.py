@@ -1,6 +1,9 @@
 """Scenes of highway-env with vehicles that slip: its roads, lanes, collisions and pictures, our motion."""
 
+from .lane import SplineLane
 from .motion import Motion, MotionModel
+from .offroad import OffRoadEnv
+from .offroad_config import OffRoadConfig, OffRoadResetOptions
 from .parking import ParkingEnv
 from .parking_config import ParkingConfig, ParkingResetOptions
 from .scene_config import SceneConfig
@@ -9,10 +12,14 @@ from .vehicle import TrackedHighwayVehicle, tracked_vehicle_class
 __all__ = [
     "Motion",
     "MotionModel",
+    "OffRoadConfig",
+    "OffRoadEnv",
+    "OffRoadResetOptions",
     "ParkingConfig",
     "ParkingEnv",
     "ParkingResetOptions",
     "SceneConfig",
+    "SplineLane",
     "TrackedHighwayVehicle",
     "tracked_vehicle_class",
 ]

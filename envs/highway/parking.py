@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from gymnasium.spaces import Dict
@@ -27,6 +27,8 @@ Observation = dict[str, NDArray[np.float32]]
 Info = Mapping[str, Any]
 
 _POSITION_SCALE: Final = GOAL_SCALES[0]
+# At which one manoeuvres in a lot, in m/s.
+_USUAL_SPEED: Final = 4.0
 
 
 class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
@@ -34,6 +36,8 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
 
     PLACEHOLDER
     """
+
+    _view = (46.0, (0.0, 0.0))
 
     def __init__(
         self,
@@ -52,6 +56,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
             backend=backend,
             vehicle=vehicle,
             terrain=terrain,
+            usual_speed=_USUAL_SPEED,
             render_mode=render_mode,
             backend_options=backend_options,
             engine=engine,
@@ -61,13 +66,14 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         self._taken: FloatArray = np.zeros((0, 3))
         self._goal = np.zeros(len(GOAL_NAMES), np.float32)
         shown = OBSTACLE_PARTS * config.observed_obstacles if config.parked_vehicles else 0
-        self.observation_space = Dict(
+        space: Any = Dict(
             {
                 "observation": observation_box(11 + shown + self._terrain_size),
                 "achieved_goal": observation_box(len(GOAL_NAMES)),
                 "desired_goal": observation_box(len(GOAL_NAMES)),
             }
         )
+        self.observation_space = space
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -89,7 +95,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         self._taken = obstacle_table(objects[1 : 1 + len(draw.taken)])
         x, y, heading = spot_pose(self._network, draw.spot)
         self._goal = make_goal(x, y, 0.0, 0.0, heading, OBSERVATION_BOUND)
-        self._begin(self._network, objects, state, chosen.get("terrain", ground))
+        self._begin(self._network, objects, state, cast(Ground, chosen.get("terrain", ground)))
         observation = self._observe()
         return observation, self._goal_info(observation) | {"crashed": False, "steps": 0}
 
@@ -115,6 +121,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
             "slip_power": slip_power,
         }
         info |= self._goal_info(observation)
+        self._succeeded = info["is_success"]
         reward = float(self.compute_reward(achieved, desired, info))
         terminated = bool(self.compute_terminated(achieved, desired, info))
         truncated = bool(self.compute_truncated(achieved, desired, info))

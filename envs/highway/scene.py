@@ -6,7 +6,7 @@ import contextlib
 import os
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, ClassVar, Final, Generic, TypeVar
 
 import gymnasium
 import numpy as np
@@ -33,6 +33,7 @@ from ...terrain import (
     resolve_vehicle,
     unknown_name,
 )
+from ...terrain.parameters import require_in
 from ..footing import sample_ground, track_forces_on
 from ..observation import OBSERVATION_BOUND
 from ..rendering import RENDER_MODES, RenderMode
@@ -41,8 +42,10 @@ from ..state import BeltCommand, VehicleState
 from ..tracked_env import Engine
 from .commands import twist_belts
 from .dependency import import_highway_env
+from .footprint import Footprint
 from .motion import MotionModel
 from .scene_config import SceneConfig
+from .scene_renderer import SceneRenderer
 from .vehicle import TrackedHighwayVehicle
 
 _roads = import_highway_env("road.road")
@@ -64,6 +67,8 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         Settings.
     backend, vehicle, terrain, backend_options, engine
         As of the environments.
+    usual_speed : float, optional
+        What ``top_speed`` is by default, in m/s, unless the training speed is lower.
     render_mode : {"rgb_array", "human"}, optional
         How :meth:`render` shows the scene.
 
@@ -75,6 +80,9 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         If periods do not divide.
     """
 
+    #: Height of a frame in m, and what stands in its middle; None is the vehicle.
+    _view: ClassVar[tuple[float, tuple[float, float] | None]]
+
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012 - Gymnasium's way
 
     def __init__(
@@ -84,6 +92,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         backend: str | ForceBackend,
         vehicle: str | os.PathLike[str] | TrackedVehicle,
         terrain: str | os.PathLike[str] | Ground,
+        usual_speed: float | None = None,
         render_mode: RenderMode | None,
         backend_options: Mapping[str, Any] | None,
         engine: Engine | None,
@@ -92,12 +101,9 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
             raise unknown_name("render mode", render_mode, RENDER_MODES)
         self.config: Final[ConfigT] = config
         self.tracked_vehicle: Final = resolve_vehicle(vehicle)
-        self.top_speed: Final = config.top_speed or self.tracked_vehicle.training_speed / 2
-        if self.top_speed > self.tracked_vehicle.maximum_speed:
-            raise InvalidInputError(
-                f"top_speed must be at most the {self.tracked_vehicle.maximum_speed:g} m/s that the drive of "
-                f"{self.tracked_vehicle.name} reaches, got {self.top_speed:g}"
-            )
+        training_speed = self.tracked_vehicle.training_speed
+        self.top_speed: Final = config.top_speed or min(usual_speed or training_speed, training_speed)
+        require_in("top_speed", self.top_speed, 0.0, self.tracked_vehicle.maximum_speed, low_open=True)
         self._substeps = whole_ratio(config.control_period, config.scene_period, "control_period and scene_period")
         whole_ratio(config.scene_period, config.tick, "scene_period and tick")
         self._most_steps = whole_ratio(config.time_limit, config.control_period, "time_limit and control_period")
@@ -122,6 +128,8 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         self._steps = 0
         self._vehicle: TrackedHighwayVehicle | None = None
         self._theta: FloatArray | None = None
+        self._renderer: SceneRenderer | None = None
+        self._succeeded = False
 
     @property
     def vehicle(self) -> TrackedHighwayVehicle:
@@ -151,15 +159,16 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
             return self._terrains[int(share * len(self._terrains))]
         return self._ground
 
-    def _sloped(self, ground: Ground) -> Ground:
+    def _require_mode(self, ground: Ground) -> None:
         if ground.mode != self._ground.mode:
             raise ConfigurationError(f"the task is on {self._ground.mode} ground, got {ground.mode}")
-        grade, bank = self.config.grade, self.config.bank
-        return SlopedGround(ground, grade, bank) if grade or bank else ground
 
     def _begin(self, network: Any, objects: list[Any], state: VehicleState, ground: Ground) -> None:
         """Put the vehicle on a road."""
-        ground = self._sloped(ground)
+        self._require_mode(ground)
+        grade, bank = self.config.grade, self.config.bank
+        if grade or bank:
+            ground = SlopedGround(ground, grade, bank)
         sample_ground(
             ground,
             self.tracked_vehicle,
@@ -178,6 +187,9 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         self._vehicle = vehicle
         self._action = np.zeros(2)
         self._steps = 0
+        self._succeeded = False
+        if self._renderer is not None:
+            self._renderer.reset()
 
     def _command(self, action: FloatArray) -> BeltCommand:
         limit = self.top_speed
@@ -271,11 +283,30 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
     def _terrain_size(self) -> int:
         return len(parameter_ranges("wide", self._ground.mode).low) if self.config.observe_terrain else 0
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Show the scene from above: an image (height, width, 3), or a window."""
         if self._draw_mode is None:
             gymnasium.logger.warn("render() without a render_mode: pass render_mode='rgb_array' to gymnasium.make")
-        return None
+            return None
+        vehicle = self.vehicle
+        if self._renderer is None:
+            self._renderer = SceneRenderer(
+                self.tracked_vehicle,
+                Footprint(vehicle.LENGTH, vehicle.WIDTH),
+                self._draw_mode,
+                view_height=self._view[0],
+                center=self._view[1],
+                fps=self.metadata["render_fps"],
+            )
+        return self._renderer.show(
+            vehicle.state, vehicle.road, vehicle.motion.ground, label=self.backend.name, parked=self._succeeded
+        )
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
     @abstractmethod
     def _observe(self) -> ObservationT:
@@ -288,10 +319,13 @@ def is_lost(info: Mapping[str, Any]) -> bool:
 
 
 def bounded(parts: list[float]) -> NDArray[np.float32]:
-    """Return an observation, cut to its bound; NaN, of a state that broke off, becomes 0."""
-    return np.clip(np.array(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND).astype(np.float32)
+    """Return an observation, cut to its bound."""
+    cut: NDArray[np.float32] = np.clip(np.array(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND).astype(np.float32)
+    return cut
 
 
-def observation_box(size: int) -> Box:
+def observation_box(size: int) -> gymnasium.Space[NDArray[np.float32]]:
     """Return the space of observations of a size."""
-    return Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (size,), np.float32)
+    box: Any = Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (size,), np.float32)
+    space: gymnasium.Space[NDArray[np.float32]] = box
+    return space

@@ -32,14 +32,14 @@ from .dependency import import_highway_env
 from .footprint import footprint_of
 from .motion import Motion, MotionModel
 
-_kinematics = import_highway_env("vehicle.kinematics")
+_Vehicle: Any = import_highway_env("vehicle.kinematics").Vehicle
 _utils = import_highway_env("utils")
 
 # Fractions of a tick that rounding may take from a step.
 _WHOLE = 1e-9
 
 
-class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
+class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
     """A tracked vehicle on a highway-env road.
 
     Its motion is that of :class:`~grouser.envs.Simulator`: slip, side-slip, belts, acceleration memory and guard
@@ -76,6 +76,7 @@ class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
     """
 
     LENGTH, WIDTH = footprint_of(TrackedVehicle.preset("m113"))
+    impact: Any
 
     def __init__(
         self,

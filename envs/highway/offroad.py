@@ -1,0 +1,189 @@
+"""``grouser/OffRoad-v0``: drive a winding road to its end, around obstacles and over changing ground."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...terrain import ConfigurationError, ForceBackend, Ground, RigidTerrain, SoilTerrain, Terrain, TrackedVehicle
+from ...terrain.parameters import require_in
+from ..observation import LOOK_AHEAD_TIMES
+from ..path import Path, Projection
+from ..rendering import RenderMode
+from ..state import VehicleState
+from ..tracked_env import Engine
+from .course import Course, course_network, course_obstacles, draw_course, paint_course
+from .obstacles import OBSTACLE_PARTS, nearest_obstacles, obstacle_table
+from .offroad_config import OffRoadConfig, OffRoadResetOptions, check_offroad_options, offroad_config
+from .scene import Action, SceneEnv, bounded, is_lost, observation_box
+
+Observation = NDArray[np.float32]
+
+_OBSTACLE_SCALE: Final = 30.0
+
+
+class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
+    """Drive a winding road to its end.
+
+    PLACEHOLDER
+    """
+
+    _view = (36.0, None)
+
+    def __init__(
+        self,
+        backend: str | ForceBackend = "native",
+        vehicle: str | os.PathLike[str] | TrackedVehicle = "m113",
+        terrain: str | os.PathLike[str] | Terrain = "grenville-loam",
+        *,
+        render_mode: RenderMode | None = None,
+        backend_options: Mapping[str, Any] | None = None,
+        engine: Engine | None = None,
+        **settings: Any,
+    ) -> None:
+        config = offroad_config(settings)
+        super().__init__(
+            config,
+            backend=backend,
+            vehicle=vehicle,
+            terrain=terrain,
+            render_mode=render_mode,
+            backend_options=backend_options,
+            engine=engine,
+        )
+        _require_terrain(self._ground)
+        speed = config.reference_speed
+        self.reference_speed: Final = self.tracked_vehicle.training_speed / 2 if speed is None else speed
+        self._patch_grounds = config.patch_grounds(self._ground.mode)
+        self._course: Course | None = None
+        self._foot = Projection(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._obstacles = np.zeros((0, 3))
+        size = 9 + 2 * len(LOOK_AHEAD_TIMES) + OBSTACLE_PARTS * config.observed_obstacles + self._terrain_size
+        self.observation_space = observation_box(size)
+
+    @property
+    def course(self) -> Course:
+        """Road, obstacles and patches of the episode."""
+        if self._course is None:
+            raise ConfigurationError("there is no course before reset()")
+        return self._course
+
+    @property
+    def path(self) -> Path:
+        """Middle of the road: what the MPC and pure pursuit take."""
+        return self.course.path
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode on a course of its own; ``options`` as in :class:`OffRoadResetOptions`.
+
+        The same draws are made whatever the options, so that an option changes nothing but what it names.
+        """
+        super().reset(seed=seed)
+        chosen = check_offroad_options(options or {})
+        course = draw_course(self.np_random, self.config, self._patch_grounds)
+        drawn = self._draw_ground()
+        state = self._start(course.path, chosen)
+        base = _require_terrain(cast(Ground, chosen.get("terrain", drawn)))
+        self._require_mode(base)
+        self._course = course
+        obstacles = course_obstacles(course)
+        self._obstacles = obstacle_table(obstacles)
+        width = self.config.road_width
+        self._begin(course_network(course, width), obstacles, state, paint_course(course, base, width))
+        self._foot = course.path.project(state.x, state.y, heading=state.heading)
+        return self._observe(), self._measures() | {"crashed": False, "steps": 0, "is_success": False}
+
+    def _start(self, path: Path, chosen: OffRoadResetOptions) -> VehicleState:
+        config, fastest = self.config, self.tracked_vehicle.maximum_speed
+        lateral, heading, share = self.np_random.uniform(-1.0, 1.0, 3).tolist()
+        lateral = float(chosen.get("lateral_offset", config.lateral_spread * lateral))
+        require_in("reset option lateral_offset", lateral, -config.road_width / 2, config.road_width / 2)
+        lowest = config.lowest_start_speed
+        speed = float(chosen.get("speed", self.reference_speed * (lowest + (1 - lowest) * (share + 1) / 2)))
+        require_in("reset option speed", speed, -fastest, fastest)
+        direction = path.heading_at(0.0)
+        x, y = path.point_at(0.0)
+        drawn = VehicleState.rolling(
+            speed,
+            x=x - lateral * math.sin(direction),
+            y=y + lateral * math.cos(direction),
+            heading=direction + float(chosen.get("heading_offset", config.heading_spread * heading)),
+        )
+        return replace(chosen.get("state", drawn), time=0.0)
+
+    def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Hold an action for one control period, or until the vehicle collides.
+
+        Raises
+        ------
+        InvalidInputError
+            If the action is not two numbers in [-1, 1].
+        """
+        config, before = self.config, self._foot.arc_length
+        given, info = self._advance(action)
+        change, slip_power = self._control_costs(given, info)
+        state, path = self.vehicle.state, self.path
+        self._foot = foot = path.project(state.x, state.y, near=before)
+        half_width = config.road_width / 2
+        progress = (foot.arc_length - before) / (self.reference_speed * config.control_period)
+        failed = info["crashed"] or is_lost(info)
+        terms = {
+            "progress": config.progress_weight * min(progress, 2.0 - progress),
+            "cross_track": -config.cross_track_weight * (foot.cross_track / half_width) ** 2,
+            "collision": -config.collision_weight if failed else 0.0,
+            "action_change": change,
+            "slip_power": slip_power,
+        }
+        if not is_lost(info):
+            info |= self._guard_info()
+        off_road = abs(foot.cross_track) > half_width
+        arrived = foot.arc_length >= path.length and not failed and not off_road
+        info |= self._measures() | {"off_road": off_road, "is_success": arrived, "reward_terms": terms}
+        terminated = bool(failed or off_road or arrived)
+        truncated = not terminated and self._steps >= self._most_steps
+        if self.render_mode == "human":
+            self.render()
+        return self._observe(), sum(terms.values()), terminated, truncated, info
+
+    def _measures(self) -> dict[str, float]:
+        return {"cross_track_error": self._foot.cross_track, "progress": self._foot.arc_length}
+
+    def _observe(self) -> Observation:
+        state, foot, config = self.vehicle.state, self._foot, self.config
+        ahead = self.reference_speed * np.array(LOOK_AHEAD_TIMES)
+        x, y, _, _ = self.path.sample(foot.arc_length + ahead)
+        cosine, sine = math.cos(state.heading), math.sin(state.heading)
+        dx, dy = x - state.x, y - state.y
+        points = np.stack([cosine * dx + sine * dy, cosine * dy - sine * dx], axis=1) / ahead[-1]
+        parts = [
+            *self._motion_parts(state),
+            foot.cross_track / (config.road_width / 2),
+            math.remainder(state.heading - foot.heading, 2 * math.pi) / math.pi,
+            *points.ravel().tolist(),
+            *nearest_obstacles(
+                self._obstacles,
+                state.x,
+                state.y,
+                state.heading,
+                count=config.observed_obstacles,
+                scale=_OBSTACLE_SCALE,
+            ),
+        ]
+        return bounded(parts + self._terrain_parts(state))
+
+
+def _require_terrain(ground: Ground) -> Terrain:
+    """Return the ground, once it is seen to be one that patches can be painted on."""
+    if not isinstance(ground, RigidTerrain | SoilTerrain):
+        raise ConfigurationError(
+            f"patches are painted on a terrain that is alike everywhere, not on a {type(ground).__name__}"
+        )
+    return ground
