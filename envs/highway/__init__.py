@@ -1,5 +1,6 @@
 """Scenes of highway-env with vehicles that slip: its roads, lanes, collisions and pictures, our motion."""
 
+from .adoption import use_tracked_vehicle
 from .lane import SplineLane
 from .motion import Motion, MotionModel
 from .offroad import OffRoadEnv
@@ -22,4 +23,5 @@ __all__ = [
     "SplineLane",
     "TrackedHighwayVehicle",
     "tracked_vehicle_class",
+    "use_tracked_vehicle",
 ]

@@ -29,9 +29,86 @@ _OBSTACLE_SCALE: Final = 30.0
 
 
 class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
-    """Drive a winding road to its end.
+    """Drive a winding road to its end, around obstacles and over patches of other ground.
 
-    PLACEHOLDER
+    Every episode draws its own road, obstacles and patches. The road is a lane of highway-env along a
+    :class:`~grouser.envs.Path`, ``env.unwrapped.path``, which the MPC and pure pursuit take as it is; the ground is a
+    terrain field, ``env.unwrapped.vehicle.motion.ground``.
+
+    ## Action space
+
+    ``Box(-1, 1, (2,), float32)``, held for one control period.
+
+    | mode | action[0] | action[1] |
+    |---|---|---|
+    | ``belts`` | left belt speed / ``top_speed`` | right belt speed / ``top_speed`` |
+    | ``twist`` | speed / ``top_speed`` | yaw rate / ``yaw_rate_scale``; belts saturate at ``top_speed`` |
+
+    ``top_speed`` is the training speed.
+
+    ## Observation space
+
+    ``Box(-10, 10, (28,), float32)`` with three obstacles observed; three more for each further one.
+
+    | index | part | scale |
+    |---|---|---|
+    | 0, 1 | Vx, Vy | ``top_speed`` |
+    | 2 | yaw rate | ``yaw_rate_scale`` |
+    | 3, 4 | v_left, v_right | ``top_speed`` |
+    | 5, 6 | previous action | 1 |
+    | 7 | distance from the road's middle, positive to the left | half the road's width |
+    | 8 | heading error | π |
+    | 9-18 | x, y of the road's middle .4, .8, 1.2, 1.6, 2 s ahead at reference speed, body frame | distance of the last |
+    | 19-27 | forward, leftward, radius of the nearest obstacles; (1, 0, 0) for none | 30 m |
+    | 28- | with ``observe_terrain``: terrain parameters θ, -1 to 1 over the ``wide`` ranges | |
+
+    ## Reward
+
+    ``progress_weight · min(p, 2 − p) − cross_track_weight · (e/half width)² − collision_weight · lost
+    − action_change_weight · |Δa|² − slip_power_weight · P_slip/(W v_top)``
+
+    with p = Δs/(v_ref Δt) the progress along the road over that at reference speed, e the distance from its middle, and
+    lost = 1 where the vehicle has collided or the simulation broke off. The terms are in ``info["reward_terms"]``.
+
+    ## Start and end
+
+    The vehicle starts near the road's start, rolling along it; see :class:`OffRoadResetOptions`. An episode terminates
+    at the road's end, where the CG leaves the road, at a collision, and where the simulation breaks off, with
+    ``info["diverged"]``. It is truncated at ``time_limit``.
+
+    ## Info
+
+    ``is_success`` (the end is reached), ``crashed``, ``off_road``, ``steps``, ``cross_track_error`` and ``progress`` in
+    m, ``reward_terms``, ``backend`` that answered in the last tick; ``ood_score`` and ``fallback_weight`` with a guard.
+
+    Parameters
+    ----------
+    backend : str or ForceBackend
+        ``"physics"``, ``"torch"``, ``"native"``, ``"guarded"``, a registered name, or a backend.
+    vehicle : str, path-like or TrackedVehicle
+        Preset name, catalogue file or vehicle.
+    terrain : str, path-like or Terrain
+        Ground beside the patches; its mode is the backend's and the patches'.
+    render_mode : {"rgb_array", "human"}, optional
+        How :meth:`render` shows the scene.
+    backend_options : mapping, optional
+        For :func:`grouser.terrain.make_backend`.
+    engine : {"compiled", "python"}, optional
+        What computes the ticks: the compiled engine, by default wherever it has the backend and the ground, or the
+        Python tick, its reference.
+    **settings
+        Fields of :class:`OffRoadConfig`.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name or setting is unknown.
+    InvalidInputError
+        If periods do not divide or a value is impossible.
+
+    ## Version history
+
+    v0: first version.
     """
 
     _view = (36.0, None)

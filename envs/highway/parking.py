@@ -32,12 +32,97 @@ _USUAL_SPEED: Final = 4.0
 
 
 class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
-    """Put a tracked vehicle into a spot of a parking lot.
+    """Put a tracked vehicle into a spot of a parking lot, nose first and standing.
 
-    PLACEHOLDER
+    The lot, its walls, the start and the goal are those of highway-env's ``parking-v0``: with equal seeds the vehicle starts
+    with the same heading in the middle of the aisle, at rest, and is asked into the same spot. The goal has one
+    heading, away from the aisle, so that tail-in does not count. Nothing had to change for a footprint of 4.86 m ×
+    2.69 m: a spot is 8 m × 4 m, the aisle 20 m wide.
+
+    ## Action space
+
+    ``Box(-1, 1, (2,), float32)``, held for one control period.
+
+    | mode | action[0] | action[1] |
+    |---|---|---|
+    | ``belts`` | left belt speed / ``top_speed`` | right belt speed / ``top_speed`` |
+    | ``twist`` | speed / ``top_speed`` | yaw rate / ``yaw_rate_scale``; belts saturate at ``top_speed`` |
+
+    ``top_speed`` is 4 m/s, or the training speed where that is lower.
+
+    ## Observation space
+
+    A ``Dict`` of three boxes, ±10, float32.
+
+    | key | index | part | scale |
+    |---|---|---|---|
+    | ``achieved_goal``, ``desired_goal`` | 0, 1 | x, y | 20 m |
+    | | 2, 3 | velocity along x, y; 0 where desired | 5 m/s |
+    | | 4, 5 | cos, sin of the heading | 1 |
+    | ``observation`` | 0, 1 | x, y | 20 m |
+    | | 2, 3 | cos, sin of the heading | 1 |
+    | | 4, 5 | Vx, Vy, body frame | ``top_speed`` |
+    | | 6 | yaw rate | ``yaw_rate_scale`` |
+    | | 7, 8 | v_left, v_right | ``top_speed`` |
+    | | 9, 10 | previous action | 1 |
+    | | 11- | with ``parked_vehicles``: forward, leftward, radius of the nearest ``observed_obstacles``; (1, 0, 0) for none | 20 m |
+    | | last | with ``observe_terrain``: terrain parameters θ, -1 to 1 over the ``wide`` ranges | |
+
+    ``observation`` does not know the goal, as hindsight replay needs it.
+
+    ## Reward
+
+    ``−(Σ w_i |achieved_i − desired_i|)^p − collision_weight · lost − action_change_weight · |Δa|²
+    − slip_power_weight · P_slip/(W v_top)``
+
+    with w = ``reward_weights``, p = ``reward_exponent``, and lost = 1 where the vehicle has collided or the simulation
+    broke off. It is parking-v0's form, with every term inside :meth:`compute_reward`; the terms are in
+    ``info["reward_terms"]``. Replay hands them on where ``HerReplayBuffer`` is made with ``copy_info_dict=True``.
+
+    ## Start and end
+
+    See :class:`ParkingResetOptions` for what a reset can fix. An episode terminates with success within .5 m, 10° and .1 m/s of
+    the goal (the ``..._tolerance`` settings; the yaw rate is not part of a goal), at a collision, and where the
+    simulation breaks off, with ``info["diverged"]`` or ``info["off_map"]``. It is truncated at ``time_limit``.
+
+    ## Info
+
+    ``is_success``, ``crashed``, ``steps``, ``position_error`` (m), ``heading_error`` (rad), ``speed_error`` (m/s),
+    ``reward_terms``, ``backend`` that answered in the last tick; ``ood_score`` and ``fallback_weight`` with a guard.
+
+    Parameters
+    ----------
+    backend : str or ForceBackend
+        ``"physics"``, ``"torch"``, ``"native"``, ``"guarded"``, a registered name, or a backend.
+    vehicle : str, path-like or TrackedVehicle
+        Preset name, catalogue file or vehicle.
+    terrain : str, path-like or Ground
+        Ground name, a TOML file of one, an ``.npz`` file of a terrain field, or anything that gives θ and a slope at a
+        position; its mode is the backend's.
+    render_mode : {"rgb_array", "human"}, optional
+        How :meth:`render` shows the scene.
+    backend_options : mapping, optional
+        For :func:`grouser.terrain.make_backend`.
+    engine : {"compiled", "python"}, optional
+        What computes the ticks: the compiled engine, by default wherever it has the backend and the ground, or the
+        Python tick, its reference.
+    **settings
+        Fields of :class:`ParkingConfig`.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name or setting is unknown.
+    InvalidInputError
+        If periods do not divide or a value is impossible.
+
+    ## Version history
+
+    v0: first version.
     """
 
-    _view = (46.0, (0.0, 0.0))
+    # The panel stands above the lot.
+    _view = (62.5, (0.0, 5.6))
 
     def __init__(
         self,

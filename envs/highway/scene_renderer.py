@@ -67,7 +67,7 @@ class SceneRenderer(Renderer):
         *,
         view_height: float,
         center: tuple[float, float] | None = None,
-        size: tuple[int, int] = (960, 540),
+        size: tuple[int, int] = (960, 640),
         fps: float = 10.0,
     ) -> None:
         super().__init__(None, vehicle, mode, size, fps)
