@@ -37,11 +37,14 @@ def use_tracked_vehicle(env: EnvT, vehicle_class: type[TrackedHighwayVehicle] = 
     ConfigurationError
         If it is no environment of highway-env, or its actions are meta-actions.
     """
-    inner = getattr(env, "unwrapped", env)
+    inner: Any = getattr(env, "unwrapped", env)
+    # A class whose base is unknown to mypy is not known to be hashable either.
+    kind: Any = type(inner)
+    tracked: Any = vehicle_class
     if not isinstance(inner, import_highway_env("envs.common.abstract").AbstractEnv):
         raise ConfigurationError(f"expected an environment of highway-env, got {env!r}")
-    _tracked_actions(inner.action_type, vehicle_class)
-    inner.__class__ = _tracked_kind(type(inner), vehicle_class)
+    _tracked_actions(inner.action_type, tracked)
+    inner.__class__ = _tracked_kind(kind, tracked)
     return env
 
 
@@ -49,6 +52,8 @@ def use_tracked_vehicle(env: EnvT, vehicle_class: type[TrackedHighwayVehicle] = 
 def _tracked_kind(kind: Any, vehicle_class: Any) -> Any:
     class Tracked(kind):  # type: ignore[misc]
         """With a tracked vehicle."""
+
+        action_space: Any
 
         def define_spaces(self) -> None:
             before = self.action_space
@@ -61,7 +66,7 @@ def _tracked_kind(kind: Any, vehicle_class: Any) -> Any:
     return Tracked
 
 
-def _tracked_actions(action_type: Any, vehicle_class: type[TrackedHighwayVehicle]) -> Any:
+def _tracked_actions(action_type: Any, vehicle_class: Any) -> Any:
     """Return the class of an action type whose vehicles are tracked.
 
     Raises

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final, cast
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
@@ -148,7 +149,7 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
     def course(self) -> Course:
         """Road, obstacles and patches of the episode."""
         if self._course is None:
-            raise ConfigurationError("there is no course before reset()")
+            raise gymnasium.error.ResetNeeded("there is no course before reset()")
         return self._course
 
     @property

@@ -115,9 +115,10 @@ class OffRoadConfig(SceneConfig):
         require_in("road_width", self.road_width, 1.0, 100.0)
         require_in("bend", self.bend, 0.0, 1.0)
         for name, widest in (("obstacle_size", self.road_width / 4), ("patch_radius", 1e3)):
-            low, high = getattr(self, name)
+            low, high = _pair(name, getattr(self, name))
             require_in(f"largest of {name}", high, 0.0, widest, low_open=True)
             require_in(f"least of {name}", low, 0.0, high, low_open=True)
+            object.__setattr__(self, name, (float(low), float(high)))
         require_in("lateral_spread", self.lateral_spread, 0.0, self.road_width / 2)
         require_in("heading_spread", self.heading_spread, 0.0, 1.0)
         if self.patch_terrains is not None:
@@ -137,6 +138,14 @@ class OffRoadConfig(SceneConfig):
             if ground.mode != mode:
                 raise ConfigurationError(f"patches are of the base ground's mode, {mode}, and {name} is {ground.mode}")
         return grounds
+
+
+def _pair(name: str, values: Any) -> tuple[float, float]:
+    try:
+        low, high = values
+    except (TypeError, ValueError):
+        raise InvalidInputError(f"{name} are a least and a largest length, got {values!r}") from None
+    return low, high
 
 
 def offroad_config(settings: Mapping[str, Any]) -> OffRoadConfig:

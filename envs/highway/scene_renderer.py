@@ -30,6 +30,8 @@ _HULL: Final[Color] = (108, 122, 84)
 
 _LINE_WIDTH: Final = 0.15
 _LINE_STEP: Final = 1.0
+# So that the goal's outline is seen around a parked vehicle.
+_GOAL_MARGIN: Final = 0.3
 # Colours of the ground, so that cells alike are drawn as one.
 _SHADES: Final = 16
 _FULL_GRIP: Final = 0.9
@@ -117,7 +119,7 @@ class SceneRenderer(Renderer):
         color = _REACHED if self._parked else _GOAL
         along = np.array([math.cos(goal.heading), math.sin(goal.heading)])
         across = np.array([-along[1], along[0]])
-        ahead, aside = self._footprint.length / 2, self._footprint.width / 2
+        ahead, aside = self._footprint.length / 2 + _GOAL_MARGIN, self._footprint.width / 2 + _GOAL_MARGIN
         corners = [goal.position + u * ahead * along + v * aside * across for u, v in _CORNERS]
         self._canvas.line(color, [*corners, corners[0], corners[1]], _LINE_WIDTH)
         nose = [goal.position + 0.8 * ahead * along, *(goal.position + v * 0.6 * aside * across for v in (1, -1))]
