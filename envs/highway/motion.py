@@ -81,12 +81,18 @@ class Motion:
         How it is moved.
     state : VehicleState
         Initial state.
+
+    Attributes
+    ----------
+    watched : bool
+        Whether :meth:`last_tick` will be asked for; what moves the vehicle then stops before each last tick.
     """
 
     def __init__(self, model: MotionModel, state: VehicleState = VehicleState()) -> None:  # noqa: B008 - frozen
         self._model = model
         self._state: VehicleState | None = state
         self._engine: _Engine | None = None
+        self.watched = False
 
     @property
     def model(self) -> MotionModel:
@@ -143,7 +149,7 @@ class Motion:
         """
         engine = self._running
         self._state = None
-        engine.advance(command, ticks)
+        engine.advance(command, ticks, self.watched)
 
     def pose_and_motion(self) -> tuple[float, float, float, float, float, float]:
         """Return x, y, heading, vx, vy and yaw rate, without the rest of the state."""
@@ -158,13 +164,15 @@ class Motion:
         Raises
         ------
         ConfigurationError
-            If there was none yet.
+            If there was none yet, or nobody watched it.
         """
         return self._running.record()
 
     def copy(self) -> Motion:
         """Return another motion on the same backend and ground, in the same state."""
-        return Motion(self._model, self.state)
+        copied = Motion(self._model, self.state)
+        copied.watched = self.watched
+        return copied
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Motion:
         return self.copy()
@@ -181,7 +189,7 @@ class Motion:
 
 
 class _Engine(Protocol):
-    def advance(self, command: BeltCommand, ticks: int) -> None: ...
+    def advance(self, command: BeltCommand, ticks: int, watched: bool) -> None: ...
 
     def state(self) -> VehicleState: ...
 
@@ -212,16 +220,19 @@ class _Compiled:
         self._command = np.zeros((1, 2))
         self._pose: tuple[float, float, float] | None = None
 
-    def advance(self, command: BeltCommand, ticks: int) -> None:
+    def advance(self, command: BeltCommand, ticks: int, watched: bool) -> None:
         fleet = self._fleet
         self._command[0] = command
-        # What the last tick did is told from the pose at which it began.
-        if ticks > 1:
-            fleet.advance(self._command, ticks - 1)
-        x, y, heading = fleet.numbers[:3, 0].tolist()
-        self._pose = x, y, heading
-        fleet.advance(self._command, 1)
+        self._pose = None
+        if watched:
+            # What the last tick did is told from the pose at which it began.
+            if ticks > 1:
+                fleet.advance(self._command, ticks - 1)
+            x, y, heading = fleet.numbers[:3, 0].tolist()
+            self._pose, ticks = (x, y, heading), 1
+        fleet.advance(self._command, ticks)
         if fleet.off_map[0]:
+            x, y, *_ = self.pose_and_motion()
             raise OffMapError(f"the vehicle left its terrain field's map near ({x:.3f}, {y:.3f}) m")
         if fleet.diverged[0]:
             raise SimulationDivergedError(
@@ -247,7 +258,7 @@ class _Compiled:
 
     def record(self) -> TickRecord:
         if self._pose is None:
-            raise ConfigurationError("no tick was simulated yet")
+            raise ConfigurationError("nobody watched the last tick: set watched before the vehicle is moved")
         fleet, record = self._fleet, self._fleet.record
         x, y, heading = self._pose
         return TickRecord(
@@ -276,7 +287,7 @@ class _Reference:
         )
         self._record: TickRecord | None = None
 
-    def advance(self, command: BeltCommand, ticks: int) -> None:
+    def advance(self, command: BeltCommand, ticks: int, watched: bool) -> None:
         for _ in range(ticks):
             self._record = self._simulator.step(command)
 

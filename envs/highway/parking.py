@@ -17,7 +17,7 @@ from ..observation import OBSERVATION_BOUND
 from ..rendering import RenderMode
 from ..state import VehicleState
 from ..tracked_env import Engine
-from .goal import GOAL_NAMES, GOAL_SCALES, Tolerance, as_goals, goal_errors, goal_reward, make_goal, within
+from .goal import GOAL_NAMES, GOAL_SCALES, GoalErrors, Tolerance, as_goals, goal_errors, goal_reward, make_goal, within
 from .obstacles import OBSTACLE_PARTS, nearest_obstacles, obstacle_table
 from .parking_config import ParkingConfig, check_parking_options, parking_config
 from .parking_lot import draw_parking, lot_objects, spot_index, spot_network, spot_pose
@@ -182,7 +182,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         self._goal = make_goal(x, y, 0.0, 0.0, heading, OBSERVATION_BOUND)
         self._begin(self._network, objects, state, cast(Ground, chosen.get("terrain", ground)))
         observation = self._observe()
-        return observation, self._goal_info(observation) | {"crashed": False, "steps": 0}
+        return observation, self._goal_info(self._errors(observation)) | {"crashed": False, "steps": 0}
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action for one control period, or until the vehicle collides.
@@ -197,22 +197,21 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         if not is_lost(info):
             info |= self._guard_info()
         observation = self._observe()
-        achieved, desired = observation["achieved_goal"], observation["desired_goal"]
-        goal, collision = self._goal_terms(as_goals(achieved), as_goals(desired), [info])
-        info["reward_terms"] = {
-            "goal": float(goal[0]),
-            "collision": float(collision[0]),
+        errors = self._errors(observation)
+        failed = info["crashed"] or is_lost(info)
+        info["reward_terms"] = terms = {
+            "goal": float(self._goal_reward(*_goals_of(observation))[0]),
+            "collision": -self.config.collision_weight if failed else 0.0,
             "action_change": change,
             "slip_power": slip_power,
         }
-        info |= self._goal_info(observation)
+        info |= self._goal_info(errors)
         self._succeeded = info["is_success"]
-        reward = float(self.compute_reward(achieved, desired, info))
-        terminated = bool(self.compute_terminated(achieved, desired, info))
-        truncated = bool(self.compute_truncated(achieved, desired, info))
+        terminated = info["is_success"] or failed
+        truncated = not terminated and self._steps >= self._most_steps
         if self.render_mode == "human":
             self.render()
-        return observation, reward, terminated, truncated, info
+        return observation, sum(terms.values()), terminated, truncated, info
 
     def compute_reward(
         self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Info | Sequence[Info] | NDArray[Any]
@@ -240,10 +239,11 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
             with ``copy_info_dict=True`` alone.
         """
         achieved, desired, infos = _pairs(achieved_goal, desired_goal, info)
-        goal, collision = self._goal_terms(achieved, desired, infos)
-        terms = [each["reward_terms"] for each in infos]
-        change = np.array([each["action_change"] for each in terms])
-        rewards = goal + collision + change + np.array([each["slip_power"] for each in terms])
+        rewards = self._goal_reward(achieved, desired)
+        rewards = rewards + np.where(_failed(infos), -self.config.collision_weight, 0.0)
+        # In the order in which a step sums them, so that not a bit differs.
+        for term in ("action_change", "slip_power"):
+            rewards = rewards + np.array([each["reward_terms"][term] for each in infos])
         return rewards if np.ndim(achieved_goal) == 2 else float(rewards[0])
 
     def compute_terminated(
@@ -263,15 +263,13 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         truncated = late & ~np.atleast_1d(self.compute_terminated(achieved_goal, desired_goal, info))
         return truncated if np.ndim(achieved_goal) == 2 else bool(truncated[0])
 
-    def _goal_terms(
-        self, achieved: FloatArray, desired: FloatArray, infos: Sequence[Info]
-    ) -> tuple[FloatArray, FloatArray]:
-        config = self.config
-        goal = goal_reward(achieved, desired, config.reward_weights, config.reward_exponent)
-        return goal, np.where(_failed(infos), -config.collision_weight, 0.0)
+    def _goal_reward(self, achieved: FloatArray, desired: FloatArray) -> FloatArray:
+        return goal_reward(achieved, desired, self.config.reward_weights, self.config.reward_exponent)
 
-    def _goal_info(self, observation: Observation) -> dict[str, Any]:
-        errors = goal_errors(as_goals(observation["achieved_goal"]), as_goals(observation["desired_goal"]))
+    def _errors(self, observation: Observation) -> GoalErrors:
+        return goal_errors(*_goals_of(observation))
+
+    def _goal_info(self, errors: GoalErrors) -> dict[str, Any]:
         return {
             "is_success": bool(within(errors, self.tolerance)[0]),
             "position_error": float(errors.position[0]),
@@ -293,6 +291,10 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
             "achieved_goal": make_goal(state.x, state.y, vx, vy, state.heading, OBSERVATION_BOUND),
             "desired_goal": self._goal.copy(),
         }
+
+
+def _goals_of(observation: Observation) -> tuple[FloatArray, FloatArray]:
+    return as_goals(observation["achieved_goal"]), as_goals(observation["desired_goal"])
 
 
 def _failed(infos: Sequence[Info]) -> NDArray[np.bool_]:

@@ -183,6 +183,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         )
         vehicle.set_ground(ground)
         vehicle.state = state
+        vehicle.motion.watched = bool(self.config.slip_power_weight) or isinstance(self.backend, GuardedBackend)
         road.vehicles.append(vehicle)
         self._vehicle = vehicle
         self._action = np.zeros(2)

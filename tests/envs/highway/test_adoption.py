@@ -66,7 +66,7 @@ def test_its_actions_accelerate_and_steer(marder: type[TrackedHighwayVehicle]) -
     host: Any = env.unwrapped
     before = host.vehicle.heading
     for _ in range(5):
-        env.step(np.float32([0.4, 0.5]))
+        env.step(np.array([0.4, 0.5], np.float32))
     # 0.4 of 5 m/s² over 1 s.
     assert host.vehicle.state.v_left + host.vehicle.state.v_right == pytest.approx(2 * 2.0, rel=0.05)
     assert host.vehicle.heading > before
@@ -86,7 +86,7 @@ def test_a_copied_environment_goes_its_own_way_to_the_same_place(marder: type[Tr
     env = use_tracked_vehicle(make("parking-v0"), marder)
     env.reset(seed=1)
     twin = copy.deepcopy(env.unwrapped)
-    action = np.float32([0.6, 0.3])
+    action = np.array([0.6, 0.3], np.float32)
     one, other = env.step(action), twin.step(action)
     np.testing.assert_equal(one[0], other[0])
     # Its next vehicles are tracked as well.

@@ -17,10 +17,8 @@ TOLERANCE = Tolerance(0.5, math.radians(10.0), 0.1)
 
 def goals(count: int, seed: int = 0) -> np.ndarray:
     generator = np.random.default_rng(seed)
-    rows = [
-        make_goal(*generator.uniform(-20, 20, 2), *generator.uniform(-4, 4, 2), generator.uniform(-9, 9), 10.0)
-        for _ in range(count)
-    ]
+    numbers = generator.uniform([-20, -20, -4, -4, -9], [20, 20, 4, 4, 9], (count, 5)).tolist()
+    rows = [make_goal(x, y, vx, vy, heading, 10.0) for x, y, vx, vy, heading in numbers]
     return as_goals(np.array(rows))
 
 

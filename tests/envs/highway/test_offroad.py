@@ -27,7 +27,7 @@ def pursue(env: OffRoadEnv, seed: int, speed: float = 0.3) -> tuple[float, dict[
     while True:
         ahead, aside = observation[13:15].tolist()
         turn = np.clip(2.0 * math.atan2(aside, ahead), -1.0, 1.0)
-        observation, reward, terminated, truncated, info = env.step(np.float32([speed, turn]))
+        observation, reward, terminated, truncated, info = env.step(np.array([speed, turn], np.float32))
         earned += reward
         if terminated or truncated:
             return earned, info
@@ -142,7 +142,7 @@ class TestEpisodes:
         x, y, _, _ = env.course.obstacles[0].tolist()
         env.reset(seed=0, options={"state": VehicleState.rolling(5.0, x=x - 6.0, y=y)})
         for _ in range(20):
-            _, reward, terminated, _, info = env.step(np.float32([0.5, 0.0]))
+            _, reward, terminated, _, info = env.step(np.array([0.5, 0.0], np.float32))
             if terminated:
                 break
         assert info["crashed"]
@@ -154,7 +154,7 @@ class TestEpisodes:
         env = make_offroad("physics", obstacles=0, action_mode="twist")
         env.reset(seed=0, options={"heading_offset": 1.2})
         for _ in range(60):
-            _, _, terminated, _, info = env.step(np.float32([0.5, 0.0]))
+            _, _, terminated, _, info = env.step(np.array([0.5, 0.0], np.float32))
             if terminated:
                 break
         assert info["off_road"]
@@ -169,7 +169,7 @@ class TestEpisodes:
         env = make_offroad("physics", terrain="asphalt", obstacles=0, patches=0, progress_weight=2.0)
         env.reset(seed=0, options={"speed": 5.0, "lateral_offset": 0.0, "heading_offset": 0.0})
         for _ in range(8):
-            *_, info = env.step(np.float32([0.5, 0.5]))
+            *_, info = env.step(np.array([0.5, 0.5], np.float32))
         assert info["reward_terms"]["progress"] == pytest.approx(2.0, abs=0.05)
 
     def test_an_option_changes_what_it_names_alone(self, make_offroad: MakeOffRoad) -> None:
@@ -184,14 +184,14 @@ class TestEpisodes:
     def test_the_guard_is_in_the_info(self, make_offroad: MakeOffRoad) -> None:
         env = make_offroad("guarded")
         env.reset(seed=0)
-        *_, info = env.step(np.float32([0.5, 0.5]))
+        *_, info = env.step(np.array([0.5, 0.5], np.float32))
         assert {"ood_score", "fallback_weight", "backend"} <= info.keys()
 
     def test_a_copy_goes_its_own_way_to_the_same_place(self, make_offroad: MakeOffRoad) -> None:
         env = make_offroad()
         env.reset(seed=1)
         twin = copy.deepcopy(env)
-        assert same(*([each.step(np.float32([0.5, 0.4]))[:2] for _ in range(3)] for each in (env, twin)))
+        assert same(*([each.step(np.array([0.5, 0.4], np.float32))[:2] for _ in range(3)] for each in (env, twin)))
 
 
 class TestSettings:

@@ -70,7 +70,7 @@ class TestContract:
         env = make_parking()
         env.reset(seed=0)
         monkeypatch.delattr(pandas, "DataFrame")
-        env.step(np.float32([0.5, 0.5]))
+        env.step(np.array([0.5, 0.5], np.float32))
 
     @pytest.mark.parametrize("action", [[1.1, 0.0], [math.nan, 0.0], [0.0], [[0.0, 0.0]]])
     def test_an_action_outside_the_box_is_refused(self, make_parking: MakeParking, action: Any) -> None:
@@ -156,10 +156,10 @@ class TestEpisodes:
 
     def test_a_parked_vehicle_ends_the_episode_with_success(self, make_parking: MakeParking) -> None:
         env = make_parking("physics")
-        observation, info = env.reset(seed=0, options={"state": ARRIVING, "spot": 6})
+        _, info = env.reset(seed=0, options={"state": ARRIVING, "spot": 6})
         assert not info["is_success"]
         for _ in range(5):
-            observation, reward, terminated, truncated, info = env.step(np.zeros(2, np.float32))
+            _, reward, terminated, truncated, info = env.step(np.zeros(2, np.float32))
             if terminated:
                 break
         assert terminated
@@ -180,7 +180,7 @@ class TestEpisodes:
         env = make_parking("physics", collision_weight=7.0)
         env.reset(seed=0, options={"state": VehicleState.rolling(4.0, x=31.0)})
         for _ in range(10):
-            _, reward, terminated, _, info = env.step(np.float32([1.0, 1.0]))
+            _, reward, terminated, _, info = env.step(np.array([1.0, 1.0], np.float32))
             if terminated:
                 break
         assert terminated
@@ -191,7 +191,7 @@ class TestEpisodes:
     def test_without_walls_it_drives_on(self, make_parking: MakeParking) -> None:
         env = make_parking("physics", walls=False)
         env.reset(seed=0, options={"state": VehicleState.rolling(4.0, x=31.0)})
-        ends = [env.step(np.float32([1.0, 1.0]))[2] for _ in range(10)]
+        ends = [env.step(np.array([1.0, 1.0], np.float32))[2] for _ in range(10)]
         assert not any(ends)
         assert env.vehicle.position[0] > 36.0
 
@@ -206,7 +206,7 @@ class TestEpisodes:
         env = make_parking("physics", terrain=field)
         env.reset(seed=0)
         for _ in range(10):
-            _, reward, terminated, _, info = env.step(np.float32([1.0, 1.0]))
+            _, reward, terminated, _, info = env.step(np.array([1.0, 1.0], np.float32))
             if terminated:
                 break
         assert info["off_map"]
@@ -222,7 +222,7 @@ class TestEpisodes:
             raise SimulationDivergedError("no tick was solved")
 
         monkeypatch.setattr(env.vehicle.motion, "advance", diverge)
-        observation, _, terminated, truncated, info = env.step(np.float32([1.0, 1.0]))
+        observation, _, terminated, truncated, info = env.step(np.array([1.0, 1.0], np.float32))
         assert (terminated, truncated, info["diverged"]) == (True, False, True)
         assert env.observation_space.contains(observation)
 
@@ -368,7 +368,7 @@ class TestSettings:
             env = make_parking("physics", action_mode=mode, top_speed=2.0)
             env.reset(seed=0)
             for _ in range(12):
-                env.step(np.float32(action))
+                env.step(np.array(action, np.float32))
             assert env.vehicle.state.v_left == pytest.approx(2.0, abs=1e-3)
 
     def test_a_small_vehicle_has_a_lower_top_speed(self) -> None:
@@ -389,9 +389,9 @@ class TestSettings:
 def test_a_copy_goes_its_own_way_to_the_same_place(make_parking: MakeParking) -> None:
     env = make_parking("guarded", parked_vehicles=2)
     env.reset(seed=1)
-    env.step(np.float32([0.4, 0.6]))
+    env.step(np.array([0.4, 0.6], np.float32))
     twin = copy.deepcopy(env)
-    steps = [[each.step(np.float32([0.5, 0.2]))[:2] for _ in range(4)] for each in (env, twin)]
+    steps = [[each.step(np.array([0.5, 0.2], np.float32))[:2] for _ in range(4)] for each in (env, twin)]
     assert same(*steps)
     assert same(env.reset()[0], twin.reset()[0])
 
