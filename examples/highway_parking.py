@@ -32,14 +32,20 @@ def park(observation: dict[str, np.ndarray]) -> np.ndarray:
     return np.clip([speed / 4.0, 1.5 * turn], -1.0, 1.0).astype(np.float32)
 
 
-env = gymnasium.make("grouser/Parking-v0", backend="physics", terrain="asphalt", action_mode="twist", time_limit=40.0)
-for seed in range(5):
-    observation, info = env.reset(seed=seed)
-    while True:
-        observation, reward, terminated, truncated, info = env.step(park(observation))
-        if terminated or truncated:
-            break
-    print(
-        f"seed {seed}: {'parked' if info['is_success'] else 'not parked'} after {CONTROL_PERIOD * info['steps']:.1f} s, "
-        f"{info['position_error']:.2f} m and {math.degrees(info['heading_error']):.1f} degrees off"
-    )
+def main() -> None:
+    env = gymnasium.make("grouser/Parking-v0", backend="physics", action_mode="twist")
+    for seed in range(5):
+        observation, info = env.reset(seed=seed)
+        while True:
+            observation, _, terminated, truncated, info = env.step(park(observation))
+            if terminated or truncated:
+                break
+        print(
+            f"seed {seed}: {'parked' if info['is_success'] else 'not parked'} after "
+            f"{CONTROL_PERIOD * info['steps']:.1f} s, {info['position_error']:.2f} m and "
+            f"{math.degrees(info['heading_error']):.1f} degrees off"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Final, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from ...terrain import (
     TrackedVehicle,
     unknown_name,
 )
+from ..driveline import check_command
 from ..engine import check_mode
 from ..fleet import VehicleFleet
 from ..footing import GroundSampling, sample_ground
@@ -23,6 +24,9 @@ from ..simulator import Simulator, TickRecord, check_tick
 from ..state import BeltCommand, VehicleState
 from ..tick import Integrator
 from ..tracked_env import ENGINES, Engine
+
+# Rows of a fleet's numbers, in the order of STATE_NAMES, that make up the kinematics.
+_KINEMATIC_ROWS: Final = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +74,31 @@ class MotionModel:
     def __deepcopy__(self, memo: dict[int, Any]) -> MotionModel:
         # Nothing of it ever changes, and a copied backend would compile its kernel anew.
         return self
+
+
+class Kinematics(NamedTuple):
+    """Pose, motion and belts: what of a state is asked for at every step, without the rest.
+
+    Parameters
+    ----------
+    x, y, heading, vx, vy, yaw_rate, v_left, v_right : float
+        As of :class:`~grouser.envs.VehicleState`.
+    """
+
+    x: float
+    y: float
+    heading: float
+    vx: float
+    vy: float
+    yaw_rate: float
+    v_left: float
+    v_right: float
+
+    @classmethod
+    def of(cls, state: VehicleState) -> Kinematics:
+        """Return that of a state."""
+        motion = state.vx, state.vy, state.yaw_rate
+        return cls(state.x, state.y, state.heading, *motion, state.v_left, state.v_right)
 
 
 class Motion:
@@ -151,12 +180,9 @@ class Motion:
         self._state = None
         engine.advance(command, ticks, self.watched)
 
-    def pose_and_motion(self) -> tuple[float, float, float, float, float, float]:
-        """Return x, y, heading, vx, vy and yaw rate, without the rest of the state."""
-        if self._state is None:
-            return self._running.pose_and_motion()
-        state = self._state
-        return state.x, state.y, state.heading, state.vx, state.vy, state.yaw_rate
+    def kinematics(self) -> Kinematics:
+        """Return pose, motion and belts."""
+        return self._running.kinematics() if self._state is None else Kinematics.of(self._state)
 
     def last_tick(self) -> TickRecord:
         """Return what the last tick did.
@@ -198,7 +224,7 @@ class _Engine(Protocol):
     def takes(self, ground: Ground) -> bool:
         """Put the vehicle on another ground, or say that the engine does not have it."""
 
-    def pose_and_motion(self) -> tuple[float, float, float, float, float, float]: ...
+    def kinematics(self) -> Kinematics: ...
 
     def record(self) -> TickRecord: ...
 
@@ -222,17 +248,18 @@ class _Compiled:
 
     def advance(self, command: BeltCommand, ticks: int, watched: bool) -> None:
         fleet = self._fleet
-        self._command[0] = command
+        # Checked here, for one vehicle, in place of the fleet's own checks, which are made for many.
+        self._command[0] = check_command(fleet.vehicle, command)
         self._pose = None
         if watched:
             # What the last tick did is told from the pose at which it began.
             if ticks > 1:
-                fleet.advance(self._command, ticks - 1)
+                fleet.compiled.advance(self._command, ticks - 1)
             x, y, heading = fleet.numbers[:3, 0].tolist()
             self._pose, ticks = (x, y, heading), 1
-        fleet.advance(self._command, ticks)
+        fleet.compiled.advance(self._command, ticks)
         if fleet.off_map[0]:
-            x, y, *_ = self.pose_and_motion()
+            x, y, *_ = self.kinematics()
             raise OffMapError(f"the vehicle left its terrain field's map near ({x:.3f}, {y:.3f}) m")
         if fleet.diverged[0]:
             raise SimulationDivergedError(
@@ -252,9 +279,8 @@ class _Compiled:
             return False
         return True
 
-    def pose_and_motion(self) -> tuple[float, float, float, float, float, float]:
-        x, y, heading, vx, vy, yaw_rate = self._fleet.numbers[:6, 0].tolist()
-        return x, y, heading, vx, vy, yaw_rate
+    def kinematics(self) -> Kinematics:
+        return Kinematics._make(self._fleet.numbers[:_KINEMATIC_ROWS, 0].tolist())
 
     def record(self) -> TickRecord:
         if self._pose is None:
@@ -301,9 +327,8 @@ class _Reference:
         self._simulator.set_ground(ground)
         return True
 
-    def pose_and_motion(self) -> tuple[float, float, float, float, float, float]:
-        state = self._simulator.get_state()
-        return state.x, state.y, state.heading, state.vx, state.vy, state.yaw_rate
+    def kinematics(self) -> Kinematics:
+        return Kinematics.of(self._simulator.get_state())
 
     def record(self) -> TickRecord:
         if self._record is None:

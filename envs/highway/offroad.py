@@ -208,7 +208,7 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         config, before = self.config, self._foot.arc_length
         given, info = self._advance(action)
         change, slip_power = self._control_costs(given, info)
-        state, path = self.vehicle.state, self.path
+        state, path = self.vehicle.kinematics(), self.path
         self._foot = foot = path.project(state.x, state.y, near=before)
         half_width = config.road_width / 2
         progress = (foot.arc_length - before) / (self.reference_speed * config.control_period)
@@ -235,7 +235,7 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         return {"cross_track_error": self._foot.cross_track, "progress": self._foot.arc_length}
 
     def _observe(self) -> Observation:
-        state, foot, config = self.vehicle.state, self._foot, self.config
+        state, foot, config = self.vehicle.kinematics(), self._foot, self.config
         ahead = self.reference_speed * np.array(LOOK_AHEAD_TIMES)
         x, y, _, _ = self.path.sample(foot.arc_length + ahead)
         cosine, sine = math.cos(state.heading), math.sin(state.heading)

@@ -43,7 +43,7 @@ from ..tracked_env import Engine
 from .commands import twist_belts
 from .dependency import import_highway_env
 from .footprint import Footprint
-from .motion import MotionModel
+from .motion import Kinematics, MotionModel
 from .scene_config import SceneConfig
 from .scene_renderer import SceneRenderer
 from .vehicle import TrackedHighwayVehicle
@@ -256,7 +256,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         score = record.detection.score if record.detection is not None else 0.0
         return {"backend": active.name, "ood_score": score, "fallback_weight": guard.fallback_weight}
 
-    def _motion_parts(self, state: VehicleState) -> list[float]:
+    def _motion_parts(self, state: Kinematics) -> list[float]:
         """Return velocity, yaw rate, belts and previous action, scaled."""
         top = self.top_speed
         return [
@@ -268,7 +268,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
             *self._action.tolist(),
         ]
 
-    def _terrain_parts(self, state: VehicleState) -> list[float]:
+    def _terrain_parts(self, state: Kinematics) -> list[float]:
         """Return the terrain parameters under the vehicle, -1 to 1 over the wide ranges, where they are observed."""
         if not self.config.observe_terrain:
             return []

@@ -30,7 +30,7 @@ from .collision import Box, certainly_apart
 from .commands import accelerating_command, bicycle_yaw_rate, twist_belts
 from .dependency import import_highway_env
 from .footprint import footprint_of
-from .motion import Motion, MotionModel
+from .motion import Kinematics, Motion, MotionModel
 
 _Vehicle: Any = import_highway_env("vehicle.kinematics").Vehicle
 _utils = import_highway_env("utils")
@@ -151,6 +151,11 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
         """What moves it."""
         return self._motion
 
+    def kinematics(self) -> Kinematics:
+        """Return pose, motion and belts."""
+        self._take_what_was_written()
+        return self._motion.kinematics()
+
     def set_ground(self, ground: Ground) -> None:
         """Put the vehicle on another ground of the same mode."""
         self._motion.ground = ground
@@ -221,7 +226,7 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
         ticks = max(1, math.ceil(dt / longest - _WHOLE))
         motion.tick = longest if abs(dt - ticks * longest) <= _WHOLE * dt else dt / ticks
         motion.advance(self._belts or self._belts_of_action(dt), ticks)
-        x, y, heading, vx, _, _ = motion.pose_and_motion()
+        x, y, heading, vx, *_ = motion.kinematics()
         if self.impact is not None:
             x, y = x + float(self.impact[0]), y + float(self.impact[1])
             motion.state = replace(motion.state, x=x, y=y)
@@ -258,7 +263,7 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
             if ticks > 0:
                 motion.advance(command, ticks)
                 elapsed += ticks
-            x, y, heading, *_ = motion.pose_and_motion()
+            x, y, heading, *_ = motion.kinematics()
             positions.append(np.array([x, y]))
             headings.append(heading)
         return positions, headings
@@ -267,14 +272,14 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
     def velocity(self) -> FloatArray:
         """Of the CG in m/s, side-slip included."""
         self._take_what_was_written()
-        _, _, heading, vx, vy, _ = self._motion.pose_and_motion()
+        _, _, heading, vx, vy, *_ = self._motion.kinematics()
         cosine, sine = math.cos(heading), math.sin(heading)
         return np.array([cosine * vx - sine * vy, sine * vx + cosine * vy])
 
     @property
     def side_slip(self) -> float:
         """Angle from the body x axis to the velocity, in rad; 0 at rest."""
-        _, _, _, vx, vy, _ = self._motion.pose_and_motion()
+        _, _, _, vx, vy, *_ = self._motion.kinematics()
         return math.atan2(vy, vx)
 
     def to_dict(self, origin_vehicle: Any = None, observe_intentions: bool = True) -> dict[str, Any]:
@@ -317,12 +322,12 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
 
     @property
     def _ground_speed(self) -> float:
-        _, _, _, vx, vy, _ = self._motion.pose_and_motion()
+        _, _, _, vx, vy, *_ = self._motion.kinematics()
         return math.hypot(vx, vy)
 
     def _belts_of_action(self, dt: float) -> BeltCommand:
         """Return the belts that ask for highway-env's acceleration and steering over the next ``dt`` s."""
-        state, vehicle = self._motion.state, self._model.vehicle
+        state, vehicle = self._motion.kinematics(), self._model.vehicle
         mean = (state.v_left + state.v_right) / 2
         speed = accelerating_command(mean, float(self.action["acceleration"]), dt, vehicle.belt_time_constant)
         speed = min(self.MAX_SPEED, max(self.MIN_SPEED, speed))
