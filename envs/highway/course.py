@@ -46,9 +46,9 @@ class Course(NamedTuple):
 def draw_course(generator: np.random.Generator, config: OffRoadConfig, grounds: tuple[Terrain, ...]) -> Course:
     """Draw a course.
 
-    The road runs along x, from point to point at an angle within ±``bend``, and starts straight. Obstacles stand in equal
-    stretches of it, each at a random place off its middle, so that the wider side of each leaves more than half of
-    the road. Patches lie anywhere along the road.
+    The road runs along x, from point to point at an angle within ±``bend``, and starts straight. Obstacles stand one in
+    each of as many equal stretches of it, in the middle half, and off the middle line, so that beside each more than
+    half of the road is free. Patches lie anywhere along the road.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def _draw_obstacles(generator: np.random.Generator, config: OffRoadConfig, path:
         # From touching the middle line to standing half on the road's edge, on either side.
         side = math.copysign(1.0, across - 0.5)
         lateral = side * (edge / 2 + abs(2 * across - 1) * (config.road_width / 2 - edge))
-        station = _CLEAR_LENGTH + (index + along) * stretch
+        station = _CLEAR_LENGTH + (index + 0.25 + along / 2) * stretch
         x, y = path.point_at(station)
         heading = path.heading_at(station)
         table[index] = (

@@ -34,7 +34,7 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
 
     Every episode draws its own road, obstacles and patches. The road is a lane of highway-env along a
     :class:`~grouser.envs.Path`, ``env.unwrapped.path``, which the MPC and pure pursuit take as it is; the ground is a
-    terrain field, ``env.unwrapped.vehicle.motion.ground``.
+    terrain field, ``env.unwrapped.ground``.
 
     ## Action space
 
@@ -137,7 +137,7 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         )
         _require_terrain(self._ground)
         speed = config.reference_speed
-        self.reference_speed: Final = self.tracked_vehicle.training_speed / 2 if speed is None else speed
+        self.reference_speed: Final = self.vehicle.training_speed / 2 if speed is None else speed
         self._patch_grounds = config.patch_grounds(self._ground.mode)
         self._course: Course | None = None
         self._foot = Projection(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -180,7 +180,7 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         return self._observe(), self._measures() | {"crashed": False, "steps": 0, "is_success": False}
 
     def _start(self, path: Path, chosen: OffRoadResetOptions) -> VehicleState:
-        config, fastest = self.config, self.tracked_vehicle.maximum_speed
+        config, fastest = self.config, self.vehicle.maximum_speed
         lateral, heading, share = self.np_random.uniform(-1.0, 1.0, 3).tolist()
         lateral = float(chosen.get("lateral_offset", config.lateral_spread * lateral))
         require_in("reset option lateral_offset", lateral, -config.road_width / 2, config.road_width / 2)
@@ -208,7 +208,7 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         config, before = self.config, self._foot.arc_length
         given, info = self._advance(action)
         change, slip_power = self._control_costs(given, info)
-        state, path = self.vehicle.kinematics(), self.path
+        state, path = self.highway_vehicle.kinematics(), self.path
         self._foot = foot = path.project(state.x, state.y, near=before)
         half_width = config.road_width / 2
         progress = (foot.arc_length - before) / (self.reference_speed * config.control_period)
@@ -235,7 +235,7 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         return {"cross_track_error": self._foot.cross_track, "progress": self._foot.arc_length}
 
     def _observe(self) -> Observation:
-        state, foot, config = self.vehicle.kinematics(), self._foot, self.config
+        state, foot, config = self.highway_vehicle.kinematics(), self._foot, self.config
         ahead = self.reference_speed * np.array(LOOK_AHEAD_TIMES)
         x, y, _, _ = self.path.sample(foot.arc_length + ahead)
         cosine, sine = math.cos(state.heading), math.sin(state.heading)

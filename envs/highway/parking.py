@@ -278,7 +278,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         }
 
     def _observe(self) -> Observation:
-        state, config = self.vehicle.kinematics(), self.config
+        state, config = self.highway_vehicle.kinematics(), self.config
         cosine, sine = math.cos(state.heading), math.sin(state.heading)
         parts = [state.x / _POSITION_SCALE, state.y / _POSITION_SCALE, cosine, sine, *self._motion_parts(state)]
         if config.parked_vehicles:

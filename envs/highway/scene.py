@@ -100,25 +100,25 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise unknown_name("render mode", render_mode, RENDER_MODES)
         self.config: Final[ConfigT] = config
-        self.tracked_vehicle: Final = resolve_vehicle(vehicle)
-        training_speed = self.tracked_vehicle.training_speed
+        self.vehicle: Final = resolve_vehicle(vehicle)
+        training_speed = self.vehicle.training_speed
         self.top_speed: Final = config.top_speed or min(usual_speed or training_speed, training_speed)
-        require_in("top_speed", self.top_speed, 0.0, self.tracked_vehicle.maximum_speed, low_open=True)
+        require_in("top_speed", self.top_speed, 0.0, self.vehicle.maximum_speed, low_open=True)
         self._substeps = whole_ratio(config.control_period, config.scene_period, "control_period and scene_period")
         whole_ratio(config.scene_period, config.tick, "scene_period and tick")
         self._most_steps = whole_ratio(config.time_limit, config.control_period, "time_limit and control_period")
         self._terrains = tuple(resolve_terrain(name) for name in config.terrains)
         self._ground = self._terrains[0] if self._terrains else resolve_ground(terrain)
         self._model = MotionModel(
-            self.tracked_vehicle,
-            make_backend(backend, mode=self._ground.mode, vehicle=self.tracked_vehicle, **(backend_options or {})),
+            self.vehicle,
+            make_backend(backend, mode=self._ground.mode, vehicle=self.vehicle, **(backend_options or {})),
             self._ground,
             tick=config.tick,
             integrator=config.integrator,
             ground_sampling=config.ground_sampling,
             engine=engine,
         )
-        self._slip_block = PhysicsBackend(self.tracked_vehicle, self._ground.mode, cells=_SLIP_POWER_CELLS)
+        self._slip_block = PhysicsBackend(self.vehicle, self._ground.mode, cells=_SLIP_POWER_CELLS)
         self.render_mode = render_mode
         self._draw_mode = render_mode
         # Gymnasium's is shared by every environment of the class.
@@ -132,7 +132,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         self._succeeded = False
 
     @property
-    def vehicle(self) -> TrackedHighwayVehicle:
+    def highway_vehicle(self) -> TrackedHighwayVehicle:
         """The vehicle on the road."""
         if self._vehicle is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
@@ -141,7 +141,12 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
     @property
     def road(self) -> Any:
         """The road of highway-env, with its network, vehicles and objects."""
-        return self.vehicle.road
+        return self.highway_vehicle.road
+
+    @property
+    def ground(self) -> Ground:
+        """The ground of the episode."""
+        return self.highway_vehicle.motion.ground
 
     @property
     def backend(self) -> ForceBackend:
@@ -171,7 +176,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
             ground = SlopedGround(ground, grade, bank)
         sample_ground(
             ground,
-            self.tracked_vehicle,
+            self.vehicle,
             self.config.ground_sampling,
             x=state.x,
             y=state.y,
@@ -197,7 +202,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         if self.config.action_mode == "belts":
             return BeltCommand(limit * float(action[0]), limit * float(action[1]))
         yaw_rate = self.config.yaw_rate_scale * float(action[1])
-        return twist_belts(limit * float(action[0]), yaw_rate, tread=self.tracked_vehicle.tread, limit=limit)
+        return twist_belts(limit * float(action[0]), yaw_rate, tread=self.vehicle.tread, limit=limit)
 
     def _advance(self, action: NDArray[Any]) -> tuple[FloatArray, dict[str, Any]]:
         """Hold an action for one control period, or until the vehicle collides or is lost.
@@ -212,7 +217,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         given = np.asarray(action, dtype=np.float64)
         if given.shape != (2,) or not np.all(np.abs(given) <= 1.0):
             raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
-        vehicle, road = self.vehicle, self.road
+        vehicle, road = self.highway_vehicle, self.road
         vehicle.act(self._command(given))
         lost: dict[str, Any] = {}
         try:
@@ -233,7 +238,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         change, self._action = action - self._action, action
         slip_power = 0.0
         if self.config.slip_power_weight and not is_lost(info):
-            slip_power = self._slip_power() / (self.tracked_vehicle.weight * self.top_speed)
+            slip_power = self._slip_power() / (self.vehicle.weight * self.top_speed)
         return (
             -self.config.action_change_weight * float(change @ change),
             -self.config.slip_power_weight * slip_power,
@@ -241,7 +246,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
 
     def _slip_power(self) -> float:
         """Return belt power less the power that reaches the body, of the last tick's shear forces, in W."""
-        record = self.vehicle.motion.last_tick()
+        record = self.highway_vehicle.motion.last_tick()
         tracks = track_forces_on(record.footing, self._slip_block, record.row, rolling=False)
         return float(record.row[5:7] @ tracks[:, 0]) - float(record.row[:3] @ tracks.sum(axis=0))
 
@@ -250,7 +255,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         backend = self.backend
         if not isinstance(backend, GuardedBackend):
             return {}
-        record = self.vehicle.motion.last_tick()
+        record = self.highway_vehicle.motion.last_tick()
         guard = record.state.guard
         active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback
         score = record.detection.score if record.detection is not None else 0.0
@@ -274,7 +279,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
             return []
         # Off the map the vehicle sees what it saw last.
         with contextlib.suppress(OffMapError):
-            self._theta = self.vehicle.motion.ground.parameters_at(state.x, state.y)
+            self._theta = self.ground.parameters_at(state.x, state.y)
         ranges = parameter_ranges("wide", self._ground.mode)
         low, high = np.array(ranges.low), np.array(ranges.high)
         scaled: list[float] = (2 * ((low if self._theta is None else self._theta) - low) / (high - low) - 1).tolist()
@@ -289,10 +294,10 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         if self._draw_mode is None:
             gymnasium.logger.warn("render() without a render_mode: pass render_mode='rgb_array' to gymnasium.make")
             return None
-        vehicle = self.vehicle
+        vehicle = self.highway_vehicle
         if self._renderer is None:
             self._renderer = SceneRenderer(
-                self.tracked_vehicle,
+                self.vehicle,
                 Footprint(vehicle.LENGTH, vehicle.WIDTH),
                 self._draw_mode,
                 view_height=self._view[0],
@@ -300,7 +305,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
                 fps=self.metadata["render_fps"],
             )
         return self._renderer.show(
-            vehicle.state, vehicle.road, vehicle.motion.ground, label=self.backend.name, parked=self._succeeded
+            vehicle.state, vehicle.road, self.ground, label=self.backend.name, parked=self._succeeded
         )
 
     def close(self) -> None:

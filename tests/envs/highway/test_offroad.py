@@ -75,7 +75,7 @@ class TestCourse:
         courses = []
         for each, seed in ((env, 1), (env, 2), (other, 7), (other, 1)):
             observation, _ = each.reset(seed=seed)
-            courses.append((each.path.y, each.course.obstacles, each.vehicle.motion.ground.parameters, observation))  # type: ignore[attr-defined]
+            courses.append((each.path.y, each.course.obstacles, each.ground.parameters, observation))  # type: ignore[attr-defined]
         assert same(courses[0], courses[3])
         assert np.abs(courses[0][0][-1] - courses[1][0][-1]) > 0.1
 
@@ -96,12 +96,14 @@ class TestCourse:
             stations = [course.path.project(x, y).arc_length for x, y, _, _ in course.obstacles]
             assert min(stations) > 19.0
             assert max(stations) < course.path.length - 19.0
+            # Half a stretch from one to the next.
+            assert np.diff(stations).min() > (course.path.length - 40.0) / 5 / 2 - 2.0
             assert not course.patches
 
     def test_the_road_is_a_lane_of_the_path(self, make_offroad: MakeOffRoad) -> None:
         env = make_offroad(road_width=9.0)
         env.reset(seed=0)
-        lane = env.road.network.get_lane(env.vehicle.lane_index)
+        lane = env.road.network.get_lane(env.highway_vehicle.lane_index)
         assert isinstance(lane, SplineLane)
         assert lane.path is env.path
         assert lane.width_at(3.0) == 9.0
@@ -109,7 +111,7 @@ class TestCourse:
     def test_patches_are_in_the_ground_that_the_vehicle_drives_on(self, make_offroad: MakeOffRoad) -> None:
         env = make_offroad(terrain="asphalt", patch_terrains=("ice",), patches=3, patch_radius=(8.0, 8.0))
         env.reset(seed=0)
-        ground = env.vehicle.motion.ground
+        ground = env.ground
         assert isinstance(ground, TerrainField)
         disc: Any = env.course.patches[-1].shape
         assert ground.parameters_at(disc.x, disc.y) == pytest.approx(named("ice").parameters)
@@ -175,11 +177,11 @@ class TestEpisodes:
     def test_an_option_changes_what_it_names_alone(self, make_offroad: MakeOffRoad) -> None:
         env = make_offroad()
         env.reset(seed=4)
-        course, speed = env.course, env.vehicle.speed
+        course, speed = env.course, env.highway_vehicle.speed
         env.reset(seed=4, options={"lateral_offset": 2.0})
         assert same(env.course.obstacles, course.obstacles)
-        assert env.vehicle.speed == speed
-        assert env.path.project(*env.vehicle.position).cross_track == pytest.approx(2.0, abs=1e-6)
+        assert env.highway_vehicle.speed == speed
+        assert env.path.project(*env.highway_vehicle.position).cross_track == pytest.approx(2.0, abs=1e-6)
 
     def test_the_guard_is_in_the_info(self, make_offroad: MakeOffRoad) -> None:
         env = make_offroad("guarded")
@@ -229,5 +231,5 @@ class TestSettings:
         seen = set()
         for seed in range(8):
             env.reset(seed=seed)
-            seen.add(float(env.vehicle.motion.ground.parameters_at(0.0, 0.0)[0]))
+            seen.add(float(env.ground.parameters_at(0.0, 0.0)[0]))
         assert seen == {named("lete-sand").parameters[0], named("snow-sweden").parameters[0]}

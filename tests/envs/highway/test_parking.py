@@ -133,11 +133,11 @@ class TestEpisodes:
     def test_an_option_changes_what_it_names_alone(self, make_parking: MakeParking) -> None:
         env = make_parking(parked_vehicles=2, terrain_range="wide")
         plain, _ = env.reset(seed=4)
-        ground = env.vehicle.motion.ground.parameters_at(0.0, 0.0)
+        ground = env.ground.parameters_at(0.0, 0.0)
         turned, _ = env.reset(seed=4, options={"heading": 1.0})
         assert same(turned["desired_goal"], plain["desired_goal"])
-        assert env.vehicle.heading == 1.0
-        assert same(env.vehicle.motion.ground.parameters_at(0.0, 0.0), ground)
+        assert env.highway_vehicle.heading == 1.0
+        assert same(env.ground.parameters_at(0.0, 0.0), ground)
 
     @pytest.mark.parametrize(("spot", "place"), [(0, (-26.0, 14.0)), (13, (26.0, 14.0)), (20, (-2.0, -14.0))])
     def test_a_spot_can_be_named(self, make_parking: MakeParking, spot: int, place: tuple[float, float]) -> None:
@@ -193,7 +193,7 @@ class TestEpisodes:
         env.reset(seed=0, options={"state": VehicleState.rolling(4.0, x=31.0)})
         ends = [env.step(np.array([1.0, 1.0], np.float32))[2] for _ in range(10)]
         assert not any(ends)
-        assert env.vehicle.position[0] > 36.0
+        assert env.highway_vehicle.position[0] > 36.0
 
     def test_time_runs_out(self, make_parking: MakeParking) -> None:
         env = make_parking(time_limit=0.6)
@@ -221,7 +221,7 @@ class TestEpisodes:
         def diverge(*_: object) -> None:
             raise SimulationDivergedError("no tick was solved")
 
-        monkeypatch.setattr(env.vehicle.motion, "advance", diverge)
+        monkeypatch.setattr(env.highway_vehicle.motion, "advance", diverge)
         observation, _, terminated, truncated, info = env.step(np.array([1.0, 1.0], np.float32))
         assert (terminated, truncated, info["diverged"]) == (True, False, True)
         assert env.observation_space.contains(observation)
@@ -347,13 +347,13 @@ class TestSettings:
         seen = set()
         for seed in range(12):
             listed.reset(seed=seed)
-            seen.add(float(listed.vehicle.motion.ground.parameters_at(0.0, 0.0)[0]))
+            seen.add(float(listed.ground.parameters_at(0.0, 0.0)[0]))
         assert seen == {named("ice").parameters[0], named("gravel").parameters[0]}
         ranged = make_parking(terrain_range="paper")
         drawn = []
         for seed in range(6):
             ranged.reset(seed=seed)
-            drawn.append(float(ranged.vehicle.motion.ground.parameters_at(0.0, 0.0)[0]))
+            drawn.append(float(ranged.ground.parameters_at(0.0, 0.0)[0]))
         assert len(set(drawn)) == 6
         assert all(0.4 <= mu <= 1.0 for mu in drawn)
 
@@ -369,7 +369,7 @@ class TestSettings:
             env.reset(seed=0)
             for _ in range(12):
                 env.step(np.array(action, np.float32))
-            assert env.vehicle.state.v_left == pytest.approx(2.0, abs=1e-3)
+            assert env.highway_vehicle.state.v_left == pytest.approx(2.0, abs=1e-3)
 
     def test_a_small_vehicle_has_a_lower_top_speed(self) -> None:
         assert ParkingEnv("physics", "maxxii").top_speed == 1.0
