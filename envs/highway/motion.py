@@ -1,104 +1,17 @@
-"""The motion of one vehicle in a scene: the compiled engine wherever it has the backend and the ground, else Python."""
+"""The motion of one vehicle in a scene."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple, Protocol
+from dataclasses import replace
+from typing import Any
 
-import numpy as np
-
-from ...terrain import (
-    ConfigurationError,
-    ForceBackend,
-    Ground,
-    OffMapError,
-    SimulationDivergedError,
-    TrackedVehicle,
-    unknown_name,
-)
-from ..driveline import check_command
+from ...terrain import Ground
 from ..engine import check_mode
-from ..fleet import VehicleFleet
-from ..footing import GroundSampling, sample_ground
-from ..simulator import Simulator, TickRecord, check_tick
+from ..simulator import TickRecord
 from ..state import BeltCommand, VehicleState
-from ..tick import Integrator
-from ..tracked_env import ENGINES, Engine
-
-# Rows of a fleet's numbers, in the order of STATE_NAMES, that make up the kinematics.
-_KINEMATIC_ROWS: Final = 8
-
-
-@dataclass(frozen=True, eq=False)
-class MotionModel:
-    """How a vehicle is moved.
-
-    Parameters
-    ----------
-    vehicle : TrackedVehicle
-        The vehicle.
-    backend : ForceBackend
-        Of the vehicle, and of the ground's mode.
-    ground : Ground
-        Under it.
-    tick : float
-        T_s in s.
-    integrator : {"implicit", "sdirk2", "euler"}
-        As the simulator's.
-    ground_sampling : {"vehicle", "tracks"}
-        As the simulator's.
-    engine : {"compiled", "python"}, optional
-        What computes the ticks; the compiled engine by default, wherever it has the backend and the ground.
-
-    Raises
-    ------
-    ConfigurationError
-        If a name is unknown, or the parts do not fit together.
-    InvalidInputError
-        If the tick is not in (0, 1] s.
-    """
-
-    vehicle: TrackedVehicle
-    backend: ForceBackend
-    ground: Ground
-    tick: float = 0.01
-    integrator: Integrator = "implicit"
-    ground_sampling: GroundSampling = "vehicle"
-    engine: Engine | None = None
-
-    def __post_init__(self) -> None:
-        if self.engine is not None and self.engine not in ENGINES:
-            raise unknown_name("engine", self.engine, ENGINES)
-        check_tick(self.backend, self.tick, self.integrator, self.ground_sampling)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> MotionModel:
-        # Nothing of it ever changes, and a copied backend would compile its kernel anew.
-        return self
-
-
-class Kinematics(NamedTuple):
-    """Pose, motion and belts: what of a state is asked for at every step, without the rest.
-
-    Parameters
-    ----------
-    x, y, heading, vx, vy, yaw_rate, v_left, v_right : float
-        As of :class:`~grouser.envs.VehicleState`.
-    """
-
-    x: float
-    y: float
-    heading: float
-    vx: float
-    vy: float
-    yaw_rate: float
-    v_left: float
-    v_right: float
-
-    @classmethod
-    def of(cls, state: VehicleState) -> Kinematics:
-        """Return that of a state."""
-        motion = state.vx, state.vy, state.yaw_rate
-        return cls(state.x, state.y, state.heading, *motion, state.v_left, state.v_right)
+from .kinematics import Kinematics
+from .motion_engine import MotionEngine, make_engine
+from .motion_model import MotionModel
 
 
 class Motion:
@@ -120,7 +33,7 @@ class Motion:
     def __init__(self, model: MotionModel, state: VehicleState = VehicleState()) -> None:  # noqa: B008 - frozen
         self._model = model
         self._state: VehicleState | None = state
-        self._engine: _Engine | None = None
+        self._engine: MotionEngine | None = None
         self.watched = False
 
     @property
@@ -204,143 +117,11 @@ class Motion:
         return self.copy()
 
     @property
-    def _running(self) -> _Engine:
+    def _running(self) -> MotionEngine:
         if self._engine is None:
-            self._engine = _make_engine(self._model, self.state)
+            self._engine = make_engine(self._model, self.state)
         return self._engine
 
     def _rebuild(self, model: MotionModel) -> None:
         self._state = self.state
         self._model, self._engine = model, None
-
-
-class _Engine(Protocol):
-    def advance(self, command: BeltCommand, ticks: int, watched: bool) -> None: ...
-
-    def state(self) -> VehicleState: ...
-
-    def set_state(self, state: VehicleState) -> None: ...
-
-    def takes(self, ground: Ground) -> bool:
-        """Put the vehicle on another ground, or say that the engine does not have it."""
-
-    def kinematics(self) -> Kinematics: ...
-
-    def record(self) -> TickRecord: ...
-
-
-class _Compiled:
-    """A fleet of one."""
-
-    def __init__(self, model: MotionModel, state: VehicleState) -> None:
-        self._fleet: Final = VehicleFleet(
-            model.vehicle,
-            model.backend,
-            model.ground,
-            1,
-            tick=model.tick,
-            integrator=model.integrator,
-            ground_sampling=model.ground_sampling,
-            state=state,
-        )
-        self._command = np.zeros((1, 2))
-        self._pose: tuple[float, float, float] | None = None
-
-    def advance(self, command: BeltCommand, ticks: int, watched: bool) -> None:
-        fleet = self._fleet
-        # Checked here, for one vehicle, in place of the fleet's own checks, which are made for many.
-        self._command[0] = check_command(fleet.vehicle, command)
-        self._pose = None
-        if watched:
-            # What the last tick did is told from the pose at which it began.
-            if ticks > 1:
-                fleet.compiled.advance(self._command, ticks - 1)
-            x, y, heading = fleet.numbers[:3, 0].tolist()
-            self._pose, ticks = (x, y, heading), 1
-        fleet.compiled.advance(self._command, ticks)
-        if fleet.off_map[0]:
-            x, y, *_ = self.kinematics()
-            raise OffMapError(f"the vehicle left its terrain field's map near ({x:.3f}, {y:.3f}) m")
-        if fleet.diverged[0]:
-            raise SimulationDivergedError(
-                f"no tick of {fleet.tick:g} s was solved (backend {fleet.backend.name})", self.state()
-            )
-
-    def state(self) -> VehicleState:
-        return self._fleet.get_state(0)
-
-    def set_state(self, state: VehicleState) -> None:
-        self._fleet.set_state(0, state)
-
-    def takes(self, ground: Ground) -> bool:
-        try:
-            self._fleet.set_ground(0, ground)
-        except ConfigurationError:
-            return False
-        return True
-
-    def kinematics(self) -> Kinematics:
-        return Kinematics._make(self._fleet.numbers[:_KINEMATIC_ROWS, 0].tolist())
-
-    def record(self) -> TickRecord:
-        if self._pose is None:
-            raise ConfigurationError("nobody watched the last tick: set watched before the vehicle is moved")
-        fleet, record = self._fleet, self._fleet.record
-        x, y, heading = self._pose
-        return TickRecord(
-            record.row[0].copy(),
-            record.forces[0].copy(),
-            fleet.get_state(0),
-            int(record.iterations[0]),
-            int(record.divisions[0]),
-            fleet.detection(0),
-            sample_ground(fleet.ground(0), fleet.vehicle, fleet.ground_sampling, x=x, y=y, heading=heading),
-        )
-
-
-class _Reference:
-    """The simulator."""
-
-    def __init__(self, model: MotionModel, state: VehicleState) -> None:
-        self._simulator: Final = Simulator(
-            model.vehicle,
-            model.backend,
-            model.ground,
-            tick=model.tick,
-            integrator=model.integrator,
-            ground_sampling=model.ground_sampling,
-            state=state,
-        )
-        self._record: TickRecord | None = None
-
-    def advance(self, command: BeltCommand, ticks: int, watched: bool) -> None:
-        for _ in range(ticks):
-            self._record = self._simulator.step(command)
-
-    def state(self) -> VehicleState:
-        return self._simulator.get_state()
-
-    def set_state(self, state: VehicleState) -> None:
-        self._simulator.set_state(state)
-
-    def takes(self, ground: Ground) -> bool:
-        self._simulator.set_ground(ground)
-        return True
-
-    def kinematics(self) -> Kinematics:
-        return Kinematics.of(self._simulator.get_state())
-
-    def record(self) -> TickRecord:
-        if self._record is None:
-            raise ConfigurationError("no tick was simulated yet")
-        return self._record
-
-
-def _make_engine(model: MotionModel, state: VehicleState) -> _Engine:
-    if model.engine != "python":
-        try:
-            return _Compiled(model, state)
-        except ConfigurationError:
-            if model.engine == "compiled":
-                raise
-    return _Reference(model, state)

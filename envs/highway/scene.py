@@ -43,7 +43,8 @@ from ..tracked_env import Engine
 from .commands import twist_belts
 from .dependency import import_highway_env
 from .footprint import Footprint
-from .motion import Kinematics, MotionModel
+from .kinematics import Kinematics
+from .motion_model import MotionModel
 from .scene_config import SceneConfig
 from .scene_renderer import SceneRenderer
 from .vehicle import TrackedHighwayVehicle
@@ -120,8 +121,9 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         )
         self._slip_block = PhysicsBackend(self.vehicle, self._ground.mode, cells=_SLIP_POWER_CELLS)
         self.render_mode = render_mode
+        # Gymnasium widens render_mode to any string.
         self._draw_mode = render_mode
-        # Gymnasium's is shared by every environment of the class.
+        # Gymnasium's metadata is shared by every environment of the class.
         self.metadata = self.metadata | {"render_fps": round(1 / config.control_period)}
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
         self._action: FloatArray = np.zeros(2)
@@ -154,7 +156,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         return self._model.backend
 
     def _draw_ground(self) -> Ground:
-        """Draw the ground of an episode; the same numbers are drawn whatever the settings."""
+        """Draw the ground of an episode; as many numbers are drawn whatever the settings."""
         share = self.np_random.random()
         mode = self._ground.mode
         sampled = parameter_ranges(self.config.terrain_range or "wide", mode).sample(self.np_random)
@@ -174,14 +176,9 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         grade, bank = self.config.grade, self.config.bank
         if grade or bank:
             ground = SlopedGround(ground, grade, bank)
-        sample_ground(
-            ground,
-            self.vehicle,
-            self.config.ground_sampling,
-            x=state.x,
-            y=state.y,
-            heading=state.heading,
-        )
+        sampling = self.config.ground_sampling
+        # A start off the map is refused here, before anything has changed.
+        sample_ground(ground, self.vehicle, sampling, x=state.x, y=state.y, heading=state.heading)
         road = _roads.Road(network=network, np_random=self.np_random, road_objects=objects)
         vehicle = TrackedHighwayVehicle(
             road, [state.x, state.y], state.heading, model=self._model, size=self.config.size
@@ -196,6 +193,8 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         self._succeeded = False
         if self._renderer is not None:
             self._renderer.reset()
+        if self.render_mode == "human":
+            self.render()
 
     def _command(self, action: FloatArray) -> BeltCommand:
         limit = self.top_speed

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,23 +12,19 @@ from numpy.typing import ArrayLike
 
 from ...terrain import (
     FloatArray,
-    ForceBackend,
     Ground,
+    GrouserError,
     InvalidInputError,
     TrackedVehicle,
-    make_backend,
-    resolve_ground,
-    resolve_vehicle,
 )
-from ..footing import GroundSampling
 from ..state import BeltCommand, VehicleState
-from ..tick import Integrator
-from ..tracked_env import Engine
 from .collision import Box, certainly_apart
 from .commands import accelerating_command, bicycle_yaw_rate, twist_belts
 from .dependency import import_highway_env
 from .footprint import footprint_of
-from .motion import Kinematics, Motion, MotionModel
+from .kinematics import Kinematics
+from .motion import Motion
+from .motion_model import MotionModel, standard_model
 
 _Vehicle: Any = import_highway_env("vehicle.kinematics").Vehicle
 _utils = import_highway_env("utils")
@@ -70,7 +64,7 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
     predition_type : {"constant_steering", "zero_steering"}
         What :meth:`predict_trajectory_constant_speed` holds; spelt as highway-env spells it.
     model : MotionModel, optional
-        How it moves; by default the class's own, see :func:`tracked_vehicle_class`.
+        How it moves; by default the class's own, see :func:`~grouser.envs.tracked_vehicle_class`.
     size : tuple of float, optional
         Length and width in m, if not the class's own.
     """
@@ -107,7 +101,7 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
     @classmethod
     def default_model(cls) -> MotionModel:
         """Return how vehicles of this class move unless their constructor says otherwise."""
-        return _standard_model()
+        return standard_model()
 
     @classmethod
     def create_from(cls, vehicle: Any) -> TrackedHighwayVehicle:
@@ -157,7 +151,13 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
         return self._motion.kinematics()
 
     def set_ground(self, ground: Ground) -> None:
-        """Put the vehicle on another ground of the same mode."""
+        """Put the vehicle on another ground.
+
+        Raises
+        ------
+        ConfigurationError
+            If its mode is another.
+        """
         self._motion.ground = ground
         self._model = replace(self._model, ground=ground)
 
@@ -219,13 +219,26 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
         super().clip_actions()
 
     def step(self, dt: float) -> None:
-        """Advance by ``dt`` s."""
+        """Advance by ``dt`` s.
+
+        Raises
+        ------
+        InvalidInputError
+            If the belts are commanded beyond the drive's reach.
+        OffMapError, SimulationDivergedError
+            If a tick cannot be solved; the vehicle stays where the last one left it.
+        """
         self._take_what_was_written()
         self.clip_actions()
         motion, longest = self._motion, self._model.tick
         ticks = max(1, math.ceil(dt / longest - _WHOLE))
         motion.tick = longest if abs(dt - ticks * longest) <= _WHOLE * dt else dt / ticks
-        motion.advance(self._belts or self._belts_of_action(dt), ticks)
+        try:
+            motion.advance(self._belts or self._belts_of_action(dt), ticks)
+        except GrouserError:
+            x, y, heading, vx, *_ = motion.kinematics()
+            self._write(x, y, heading, vx)
+            raise
         x, y, heading, vx, *_ = motion.kinematics()
         if self.impact is not None:
             x, y = x + float(self.impact[0]), y + float(self.impact[1])
@@ -359,69 +372,3 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
             v_right=state.v_right + gain,
         )
         self._written = now
-
-
-@cache
-def _standard_model() -> MotionModel:
-    vehicle, ground = TrackedVehicle.preset("m113"), resolve_ground("asphalt")
-    return MotionModel(vehicle, make_backend("physics", mode=ground.mode, vehicle=vehicle), ground)
-
-
-def tracked_vehicle_class(
-    backend: str | ForceBackend = "physics",
-    vehicle: str | os.PathLike[str] | TrackedVehicle = "m113",
-    terrain: str | os.PathLike[str] | Ground = "asphalt",
-    *,
-    size: tuple[float, float] | None = None,
-    backend_options: Mapping[str, Any] | None = None,
-    tick: float = 0.01,
-    integrator: Integrator = "implicit",
-    ground_sampling: GroundSampling = "vehicle",
-    engine: Engine | None = None,
-) -> type[TrackedHighwayVehicle]:
-    """Return a class of tracked vehicles that highway-env can make by its own constructors.
-
-    Parameters
-    ----------
-    backend : str or ForceBackend
-        Name for :func:`grouser.terrain.make_backend`, or a backend.
-    vehicle : str, path-like or TrackedVehicle
-        Preset name, catalogue file or vehicle.
-    terrain : str, path-like or Ground
-        The ground of every vehicle of the class, a terrain field with patches included.
-    size : tuple of float, optional
-        Length and width in m; those of the machine where they are known, else of the rectangle around its tracks.
-    backend_options : mapping, optional
-        For :func:`grouser.terrain.make_backend`.
-    tick, integrator, ground_sampling, engine
-        As of :class:`MotionModel`; the tick is the longest that a step is divided into.
-
-    Raises
-    ------
-    ConfigurationError
-        If a name is unknown, or the parts do not fit together.
-    InvalidInputError
-        If a number is impossible.
-    """
-    machine, ground = resolve_vehicle(vehicle), resolve_ground(terrain)
-    model = MotionModel(
-        machine,
-        make_backend(backend, mode=ground.mode, vehicle=machine, **(backend_options or {})),
-        ground,
-        tick=tick,
-        integrator=integrator,
-        ground_sampling=ground_sampling,
-        engine=engine,
-    )
-    length, width = footprint_of(machine, size)
-
-    class Configured(TrackedHighwayVehicle):
-        """As configured."""
-
-        LENGTH, WIDTH = length, width
-
-        @classmethod
-        def default_model(cls) -> MotionModel:
-            return model
-
-    return Configured
