@@ -171,11 +171,9 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         state = self._start(course.path, chosen)
         base = _require_terrain(cast(Ground, chosen.get("terrain", drawn)))
         self._require_mode(base)
-        self._course = course
-        obstacles = course_obstacles(course)
-        self._obstacles = obstacle_table(obstacles)
-        width = self.config.road_width
+        obstacles, width = course_obstacles(course), self.config.road_width
         self._begin(course_network(course, width), obstacles, state, paint_course(course, base, width))
+        self._course, self._obstacles = course, obstacle_table(obstacles)
         self._foot = course.path.project(state.x, state.y, heading=state.heading)
         return self._observe(), self._measures() | {"crashed": False, "steps": 0, "is_success": False}
 

@@ -17,7 +17,7 @@ from ..observation import OBSERVATION_BOUND
 from ..rendering import RenderMode
 from ..state import VehicleState
 from ..tracked_env import Engine
-from .goal import GOAL_NAMES, GOAL_SCALES, GoalErrors, Tolerance, as_goals, goal_errors, goal_reward, make_goal, within
+from .goal import GOAL_NAMES, GOAL_SCALES, Tolerance, as_goals, goal_errors, goal_reward, make_goal, within
 from .obstacles import OBSTACLE_PARTS, nearest_obstacles, obstacle_table
 from .parking_config import ParkingConfig, check_parking_options, parking_config
 from .parking_lot import draw_parking, lot_objects, spot_index, spot_network, spot_pose
@@ -177,12 +177,12 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         drawn = VehicleState(x=draw.x, y=draw.y, heading=float(chosen.get("heading", draw.heading)))
         state = replace(chosen.get("state", drawn), time=0.0)
         objects = lot_objects(self._network, draw, walls=config.walls)
+        self._begin(self._network, objects, state, cast(Ground, chosen.get("terrain", ground)))
         self._taken = obstacle_table(objects[1 : 1 + len(draw.taken)])
         x, y, heading = spot_pose(self._network, draw.spot)
         self._goal = make_goal(x, y, 0.0, 0.0, heading, OBSERVATION_BOUND)
-        self._begin(self._network, objects, state, cast(Ground, chosen.get("terrain", ground)))
         observation = self._observe()
-        return observation, self._goal_info(self._errors(observation)) | {"crashed": False, "steps": 0}
+        return observation, self._goal_info(observation, failed=False) | {"crashed": False, "steps": 0}
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action for one control period, or until the vehicle collides.
@@ -197,7 +197,6 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         if not is_lost(info):
             info |= self._guard_info()
         observation = self._observe()
-        errors = self._errors(observation)
         failed = info["crashed"] or is_lost(info)
         info["reward_terms"] = terms = {
             "goal": float(self._goal_reward(*_goals_of(observation))[0]),
@@ -205,7 +204,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
             "action_change": change,
             "slip_power": slip_power,
         }
-        info |= self._goal_info(errors)
+        info |= self._goal_info(observation, failed=failed)
         self._succeeded = info["is_success"]
         terminated = info["is_success"] or failed
         truncated = not terminated and self._steps >= self._most_steps
@@ -266,12 +265,10 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
     def _goal_reward(self, achieved: FloatArray, desired: FloatArray) -> FloatArray:
         return goal_reward(achieved, desired, self.config.reward_weights, self.config.reward_exponent)
 
-    def _errors(self, observation: Observation) -> GoalErrors:
-        return goal_errors(*_goals_of(observation))
-
-    def _goal_info(self, errors: GoalErrors) -> dict[str, Any]:
+    def _goal_info(self, observation: Observation, *, failed: bool) -> dict[str, Any]:
+        errors = goal_errors(*_goals_of(observation))
         return {
-            "is_success": bool(within(errors, self.tolerance)[0]),
+            "is_success": bool(within(errors, self.tolerance)[0]) and not failed,
             "position_error": float(errors.position[0]),
             "heading_error": float(errors.heading[0]),
             "speed_error": float(errors.speed[0]),

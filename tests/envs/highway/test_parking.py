@@ -169,6 +169,12 @@ class TestEpisodes:
         assert info["speed_error"] <= 0.1
         assert reward > -0.3
 
+    def test_who_stands_in_a_wall_has_not_parked(self, make_parking: MakeParking) -> None:
+        env = make_parking("physics", size=(13.2, 2.0))
+        env.reset(seed=0, options={"state": VehicleState(x=-2.0, y=14.0, heading=math.pi / 2), "spot": 6})
+        _, _, terminated, _, info = env.step(np.zeros(2, np.float32))
+        assert (terminated, info["crashed"], info["is_success"]) == (True, True, False)
+
     def test_tail_in_is_no_success(self, make_parking: MakeParking) -> None:
         env = make_parking("physics")
         env.reset(seed=0, options={"state": VehicleState(x=-2.0, y=14.0, heading=-math.pi / 2), "spot": 6})
