@@ -66,10 +66,11 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
     ## Reward
 
     ``progress_weight · min(p, 2 − p) − cross_track_weight · (e/half width)² − collision_weight · lost
-    − action_change_weight · |Δa|² − slip_power_weight · P_slip/(W v_top)``
+    − off_road_weight · off − action_change_weight · |Δa|² − slip_power_weight · P_slip/(W v_top)``
 
     with p = Δs/(v_ref Δt) the progress along the road over that at reference speed, e the distance from its middle, and
-    lost = 1 where the vehicle has collided or the simulation broke off. The terms are in ``info["reward_terms"]``.
+    lost = 1 where the vehicle has collided or the simulation broke off, off = 1 where it has left the road. The terms are
+    in ``info["reward_terms"]``.
 
     ## Start and end
 
@@ -210,17 +211,17 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         self._foot = foot = path.project(state.x, state.y, near=before)
         half_width = config.road_width / 2
         progress = (foot.arc_length - before) / (self.reference_speed * config.control_period)
-        failed = info["crashed"] or is_lost(info)
+        failed, off_road = info["crashed"] or is_lost(info), abs(foot.cross_track) > half_width
         terms = {
             "progress": config.progress_weight * min(progress, 2.0 - progress),
             "cross_track": -config.cross_track_weight * (foot.cross_track / half_width) ** 2,
             "collision": -config.collision_weight if failed else 0.0,
+            "off_road": -config.off_road_weight if off_road else 0.0,
             "action_change": change,
             "slip_power": slip_power,
         }
         if not is_lost(info):
             info |= self._guard_info()
-        off_road = abs(foot.cross_track) > half_width
         arrived = foot.arc_length >= path.length and not failed and not off_road
         info |= self._measures() | {"off_road": off_road, "is_success": arrived, "reward_terms": terms}
         terminated = bool(failed or off_road or arrived)

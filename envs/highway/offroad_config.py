@@ -72,7 +72,7 @@ class OffRoadConfig(SceneConfig):
         Least and largest radius of a patch in m.
     lateral_spread, heading_spread : float
         Half-widths of the uniform draws of the initial offsets, in m and rad.
-    progress_weight, cross_track_weight : float
+    progress_weight, cross_track_weight, off_road_weight : float
         Weights of the reward's terms.
 
     Raises
@@ -98,6 +98,7 @@ class OffRoadConfig(SceneConfig):
     heading_spread: float = 0.1
     progress_weight: float = 1.0
     cross_track_weight: float = 0.1
+    off_road_weight: float = 20.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

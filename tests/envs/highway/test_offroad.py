@@ -159,7 +159,9 @@ class TestEpisodes:
             _, _, terminated, _, info = env.step(np.array([0.5, 0.0], np.float32))
             if terminated:
                 break
+        assert terminated
         assert info["off_road"]
+        assert info["reward_terms"]["off_road"] == -env.config.off_road_weight
         assert abs(info["cross_track_error"]) > env.config.road_width / 2
 
     def test_time_runs_out(self, make_offroad: MakeOffRoad) -> None:
