@@ -35,6 +35,8 @@ _GOAL_MARGIN: Final = 0.3
 # Colours of the ground, so that cells alike are drawn as one.
 _SHADES: Final = 16
 _FULL_GRIP: Final = 0.9
+# Of a rectangle, in halves of its length and width.
+_CORNERS: Final = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))
 
 
 class SceneRenderer(Renderer):
@@ -135,9 +137,6 @@ class SceneRenderer(Renderer):
         self._canvas.polygon(_HULL, placed)
         super()._draw_vehicle(state, slips)
         self._canvas.line(_HULL_EDGE, [*placed, placed[0], placed[1]], 0.08)
-
-
-_CORNERS: Final = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))
 
 
 class _SceneCanvas(Canvas):
