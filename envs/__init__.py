@@ -1,5 +1,8 @@
 """How does the vehicle move, and what is the task? Simulator, interface log, rollout, paths and Gymnasium tasks."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from .corridor import Corridor, Lane
 from .driveline import advance_belts
 from .fleet import FleetRecord, VehicleFleet
@@ -23,6 +26,18 @@ from .tracking_config import ResetOptions, TrackingConfig
 from .vector_wrappers import VectorActionDelay, VectorObservationNoise
 from .wrappers import ActionDelay, ObservationNoise
 
+if TYPE_CHECKING:
+    from .highway import OffRoadEnv, ParkingEnv, TrackedHighwayVehicle, tracked_vehicle_class, use_tracked_vehicle
+
+# What needs highway-env is loaded where it is first asked for.
+_HIGHWAY_NAMES = (
+    "OffRoadEnv",
+    "ParkingEnv",
+    "TrackedHighwayVehicle",
+    "tracked_vehicle_class",
+    "use_tracked_vehicle",
+)
+
 __all__ = [
     "GROUND_SAMPLINGS",
     "INTEGRATORS",
@@ -40,6 +55,8 @@ __all__ = [
     "LogRecorder",
     "MotionProfile",
     "ObservationNoise",
+    "OffRoadEnv",
+    "ParkingEnv",
     "Path",
     "PathTrackingEnv",
     "Projection",
@@ -54,6 +71,7 @@ __all__ = [
     "StepView",
     "TaskConfig",
     "TickRecord",
+    "TrackedHighwayVehicle",
     "TrackingConfig",
     "VectorActionDelay",
     "VectorObservationNoise",
@@ -64,4 +82,12 @@ __all__ = [
     "path_names",
     "register_environments",
     "rollout",
+    "tracked_vehicle_class",
+    "use_tracked_vehicle",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HIGHWAY_NAMES:
+        return getattr(import_module(".highway", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -10,7 +10,10 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-PAGES = tuple(ROOT / page for page in ("README.md", "docs/physics.md", "docs/environments.md", "docs/export.md"))
+PAGES = tuple(
+    ROOT / page
+    for page in ("README.md", "docs/physics.md", "docs/environments.md", "docs/export.md", "docs/highway.md")
+)
 BLOCKS = {
     f"{page.stem}-{index}": block
     for page in PAGES
