@@ -69,8 +69,10 @@ void grouser_kernel_forces(const grouser_kernel *kernel, const double *left, con
 }
 
 static int all_finite(double forces[GROUSER_OUTPUTS], double slopes[GROUSER_OUTPUTS][3]) {
-  for (int n = 0; n < GROUSER_OUTPUTS; n++)
-    if (!(isfinite(forces[n]) && isfinite(slopes[n][0]) && isfinite(slopes[n][1]) && isfinite(slopes[n][2]))) return 0;
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) {
+    if (!isfinite(forces[n])) return 0;
+    if (slopes && !(isfinite(slopes[n][0]) && isfinite(slopes[n][1]) && isfinite(slopes[n][2]))) return 0;
+  }
   return 1;
 }
 
@@ -89,10 +91,10 @@ void grouser_blend_forces(grouser_blend *blend, const double *left, const double
       return;
     else {
       double other[GROUSER_OUTPUTS], other_slopes[GROUSER_OUTPUTS][3];
-      grouser_kernel_forces(blend->fallback, left, right, other, other_slopes);
+      grouser_kernel_forces(blend->fallback, left, right, other, slopes ? other_slopes : NULL);
       for (int n = 0; n < GROUSER_OUTPUTS; n++) {
         forces[n] = (1 - w) * forces[n] + w * other[n];
-        for (int q = 0; q < 3; q++) slopes[n][q] = (1 - w) * slopes[n][q] + w * other_slopes[n][q];
+        for (int q = 0; slopes && q < 3; q++) slopes[n][q] = (1 - w) * slopes[n][q] + w * other_slopes[n][q];
       }
       return;
     }

@@ -1,3 +1,4 @@
+#include <stddef.h>
 #include <string.h>
 
 #include "grouser/track_net.h"
@@ -78,9 +79,17 @@ static void add_side(const grouser_track_net *net, const double *x, enum grouser
 
 void grouser_track_net_body(const grouser_track_net *net, const double *left, const double *right,
                             double force[GROUSER_OUTPUTS], double slope[GROUSER_OUTPUTS][3]) {
-  double unused[GROUSER_OUTPUTS][3];
-  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = 0;
-  memset(slope ? slope : unused, 0, sizeof unused);
-  add_side(net, left, GROUSER_LEFT, force, slope ? slope : unused);
-  add_side(net, right ? right : left, GROUSER_RIGHT, force, slope ? slope : unused);
+  if (slope) {
+    for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = 0;
+    memset(slope, 0, sizeof(double) * GROUSER_OUTPUTS * 3);
+    add_side(net, left, GROUSER_LEFT, force, slope);
+    add_side(net, right ? right : left, GROUSER_RIGHT, force, slope);
+  } else if (right) {
+    double other[GROUSER_OUTPUTS];
+    grouser_track_net_track(net, left, GROUSER_LEFT, force, NULL);
+    grouser_track_net_track(net, right, GROUSER_RIGHT, other, NULL);
+    for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += other[n];
+  } else {
+    grouser_track_net_forces(net, left, force, NULL);
+  }
 }

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from grouser.envs import INTEGRATORS, BeltCommand, Integrator, Simulator, VehicleState
+from grouser.envs import INTEGRATORS, BeltCommand, Integrator, Simulator, VehicleState, tick
 from grouser.terrain import (
     FloatArray,
     ForceBackend,
@@ -103,7 +103,7 @@ def test_order_of_convergence(terrain: Terrain, integrator: Integrator, order: i
 
 
 @pytest.mark.parametrize("terrain", [RigidTerrain(1.0, 0.03, 0.005), named("snow-us")], ids=["rigid", "soil"])
-def test_newton_solves_to_tolerance_in_a_few_steps(terrain: Terrain, weave: Any) -> None:
+def test_a_tick_is_solved_to_tolerance_in_a_few_steps(terrain: Terrain, weave: Any) -> None:
     simulator = Simulator(M113, "physics", terrain)
     states = [simulator.get_state()]
     _, records = weave(simulator, 400)
@@ -119,21 +119,44 @@ def test_newton_solves_to_tolerance_in_a_few_steps(terrain: Terrain, weave: Any)
             b.yaw_rate - a.yaw_rate - h * mz / inertia,
         )
         assert sum(map(abs, residual)) <= 1e-11
-        assert record.iterations <= 8
+        assert record.iterations <= 12
     assert np.mean([record.divisions == 1 for record in records]) > 0.95
-    # Two to four on average; abrupt commands on the stiffest ground are the dearest.
+    # Three to five on average; abrupt commands on the stiffest ground are the dearest.
     assert np.mean([record.iterations for record in records]) <= 5
 
 
-def test_an_accepted_first_guess_costs_no_newton_step() -> None:
+def test_a_vehicle_that_stands_costs_no_step() -> None:
     assert Simulator(M113, "physics", GROUND).step(IDLE).iterations == 0
 
 
+def test_a_wrong_jacobian_is_corrected_on_the_way(viscous: Make) -> None:
+    """Of a linear force in one direction Broyden's method knows all after one step."""
+    backend = viscous(rate=70.0, jacobian_scale=0.0)
+    record = Simulator(M113, backend, GROUND, state=VehicleState(vx=1.0)).step(IDLE)
+    assert (record.iterations, record.divisions) == (2, 1)
+    assert record.state.vx == pytest.approx(1 / 1.7, abs=1e-11)
+
+
+def test_the_forces_of_the_last_tick_are_the_first_guess(viscous: Make) -> None:
+    """A memory of the very acceleration to come, so that one step mends what rounding is left."""
+    rate, yaw_rate = 20.0, 0.5
+    velocity = (3.0 - 0.5j) / (1.0 + (rate + 1j * yaw_rate) * 0.01)
+    start = VehicleState(vx=3.0, vy=-0.5, yaw_rate=yaw_rate, ax=-rate * velocity.real, ay=-rate * velocity.imag)
+    record = Simulator(M113, viscous(rate=rate, yaw_decay=0.0), GROUND, state=start).step(IDLE)
+    assert complex(record.state.vx, record.state.vy) == pytest.approx(velocity, abs=1e-11)
+    away = Simulator(M113, viscous(rate=rate, yaw_decay=0.0), GROUND, state=replace(start, ax=0.0, ay=0.0)).step(IDLE)
+    assert record.iterations <= away.iterations
+
+
 class TestDivision:
-    """With a Jacobian of zero, Newton's iteration is y ← y₀ + h f(y): each step shrinks the residual by z = h·rate.
+    """Where Broyden's method fails. With a Jacobian of zero, Newton's iteration is y ← y₀ + h f(y): each step shrinks the residual by z = h·rate.
 
     The first residual is z·v₀, so that eight steps reach z⁹ v₀; a tick converges if that is within 1e-11.
     """
+
+    @pytest.fixture(autouse=True)
+    def newton_alone(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(tick, "_broyden_step", lambda *_: None)
 
     @pytest.mark.parametrize(("z", "divisions"), [(0.03, 1), (0.08, 2), (0.16, 4), (0.32, 8), (0.7, 16)])
     def test_the_tick_is_halved_until_newton_converges(self, viscous: Make, z: float, divisions: int) -> None:
