@@ -3,8 +3,9 @@
 m(V̇x − ωVy) = Qx + m g_x, m(V̇y + ωVx) = Qy + m g_y, I_z ω̇ = Mz, that is ẏ = f(y) for y = (Vx, Vy, ω). Near zero slip the forces are
 as stiff as −2.6·10⁴ s⁻¹, and they saturate, so that neither explicit nor linearly implicit steps hold a vehicle still.
 
-A step is solved by Broyden's method, from one Jacobian: cheap where the forces of the last tick are a good guess, which is
-nearly always. Where its steps do not contract, damped Newton takes over, from other guesses and in parts of the step.
+A step is solved by Broyden's method from one Jacobian, where the forces of the last tick take the body: nearly always
+that is a good guess. Where its steps do not contract, damped Newton takes over, from other guesses and in parts of the
+step.
 """
 
 from __future__ import annotations
@@ -80,11 +81,14 @@ class Dynamics:
         Forces and Jacobian of one interface row.
     pull : tuple of float
         (g_x, g_y): gravity along the body axes in m/s², zero on level ground.
+    yaw_acceleration : float
+        That is to be expected, in rad/s²: of the first guess alone.
     """
 
     vehicle: TrackedVehicle
     evaluate: ForceFunction
     pull: tuple[float, float] = (0.0, 0.0)
+    yaw_acceleration: float = 0.0
 
     def rates(self, body: Body, forces: FloatArray) -> Body:
         """Return f(y) = (Qx/m + g_x + ωVy, Qy/m + g_y − ωVx, Mz/I_z)."""
@@ -148,27 +152,30 @@ def _broyden_step(
     row = row.copy()
     body: Body = (float(row[0]), float(row[1]), float(row[2]))
     gain = _GAMMA * step if integrator == "sdirk2" else step
-    guess = _extrapolated(body, (float(row[3]), float(row[4])), dynamics.pull, gain)
+    accelerations = float(row[3]), float(row[4]), dynamics.yaw_acceleration
+    guess = _extrapolated(body, accelerations, dynamics.pull, gain, tolerance)
     row[:3] = guess
     forces, jacobian = dynamics.evaluate(row)
     inverse = _inverse(dynamics.vehicle, guess, jacobian, gain)
     if inverse is None:
         return None
     solver = _Broyden(dynamics, row, gain, tolerance, inverse)
-    stage = solver.solve(body, _Stage(guess, forces, 0))
+    stage = solver.solve(body, _Stage(guess, forces, 0), extrapolated=guess != body)
     if stage is not None and integrator == "sdirk2":
         anchor = _along(body, (1.0 - _GAMMA) * step, dynamics.rates(stage.body, stage.forces))
         stage = solver.solve(anchor, stage)
     return stage and BodyStep(stage.body, row, stage.forces, stage.iterations, 1)
 
 
-def _extrapolated(body: Body, accelerations: tuple[float, float], pull: tuple[float, float], gain: float) -> Body:
+def _extrapolated(body: Body, accelerations: Body, pull: tuple[float, float], gain: float, tolerance: float) -> Body:
+    """Return where the accelerations take the body, or the body itself if that is within the tolerance."""
     vx, vy, yaw_rate = body
-    return (
-        vx + gain * (accelerations[0] + pull[0] + yaw_rate * vy),
-        vy + gain * (accelerations[1] + pull[1] - yaw_rate * vx),
-        yaw_rate,
+    change = (
+        gain * (accelerations[0] + pull[0] + yaw_rate * vy),
+        gain * (accelerations[1] + pull[1] - yaw_rate * vx),
+        gain * accelerations[2],
     )
+    return body if _size(change) <= tolerance else _along(body, 1.0, change)
 
 
 @dataclass
@@ -181,14 +188,16 @@ class _Broyden:
     tolerance: float
     inverse: _Matrix
 
-    def solve(self, anchor: Body, start: _Stage) -> _Stage | None:
-        """Solve y = anchor + gain·f(y) from a body whose forces are known, or return None."""
+    def solve(self, anchor: Body, start: _Stage, *, extrapolated: bool = False) -> _Stage | None:
+        """Solve y = anchor + gain·f(y) from a body whose forces are known, or return None.
+
+        An extrapolated body is not taken for a solved one: a vehicle near rest would chatter within the tolerance.
+        """
         body, forces, iterations = start
         residual = _residual(self.dynamics, body, forces, anchor, self.gain)
         direction = _direction(self.inverse, residual)
         size = _size(residual)
-        # The guess itself has to solve exactly: a vehicle at rest would chatter within the tolerance.
-        if size == 0.0:
+        if size <= self.tolerance and not extrapolated:
             return start
         for _ in range(BROYDEN_LIMIT):
             if not math.isfinite(sum(direction)):
@@ -201,11 +210,12 @@ class _Broyden:
             direction = self._update(direction, residual)
             size = _size(residual)
             iterations += 1
+            # A good guess may be nearer than the rounding of a step.
+            if size <= self.tolerance:
+                return _Stage(body, forces, iterations)
             # An inequality that NaN fails.
             if not size < size_before:
                 return None
-            if size <= self.tolerance:
-                return _Stage(body, forces, iterations)
         return None
 
     def _update(self, step: Body, residual: Body) -> Body:

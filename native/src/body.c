@@ -118,13 +118,14 @@ static int solve_part(grouser_dynamics *dynamics, const double *row, double step
   return 1;
 }
 
-/* Broyden's steps from a body whose force and inverse are known; 0 where one does not shrink the residual. */
+/* Broyden's steps from a body whose force and inverse are known; 0 where one does not shrink the residual. An
+ * extrapolated body is not taken for a solved one: a vehicle near rest would chatter within the tolerance. */
 static int solve_stage_by_broyden(grouser_dynamics *dynamics, double *row, const stage *s, grouser_inverse *inverse,
-                                  stage_solution *at) {
+                                  int extrapolated, stage_solution *at) {
   grouser_body residual = grouser_residual(at->body, s->anchor, s->gain, rates_of(dynamics, at->body, at->force));
   grouser_body direction = grouser_direction(inverse, residual);
   double size = grouser_residual_size(residual);
-  if (size == 0.0) return 1;
+  if (!extrapolated && size <= s->tolerance) return 1;
   for (int iteration = 0; iteration < GROUSER_BROYDEN_LIMIT && grouser_finite_body(direction); iteration++) {
     const double size_before = size;
     at->body = grouser_along(at->body, 1.0, direction);
@@ -132,8 +133,9 @@ static int solve_stage_by_broyden(grouser_dynamics *dynamics, double *row, const
     direction = grouser_broyden_step(inverse, direction, residual);
     size = grouser_residual_size(residual);
     at->iterations++;
-    if (!(size < size_before)) return 0; /* NaN fails */
+    /* A good guess may be nearer than the rounding of a step. */
     if (size <= s->tolerance) return 1;
+    if (!(size < size_before)) return 0; /* NaN fails */
   }
   return 0;
 }
@@ -148,14 +150,14 @@ static int solve_by_broyden(grouser_dynamics *dynamics, const double *start, dou
   memset(out->row, 0, sizeof out->row);
   memcpy(row, start, sizeof(double) * (size_t)dynamics->blend.primary->columns);
   at.iterations = 0;
-  at.body = grouser_extrapolated(row, dynamics->footing, s.gain);
+  at.body = grouser_extrapolated(row, dynamics->footing, dynamics->yaw_acceleration, s.gain, tolerance);
   set_body(row, at.body);
   evaluate(dynamics, row, at.force, slope);
   grouser_inverse inverse = grouser_invert(dynamics->inertia, at.body, (const double(*)[3])slope, s.gain);
-  if (!solve_stage_by_broyden(dynamics, row, &s, &inverse, &at)) return 0;
+  if (!solve_stage_by_broyden(dynamics, row, &s, &inverse, !grouser_same_body(at.body, body), &at)) return 0;
   if (integrator == GROUSER_SDIRK2) {
     s.anchor = grouser_along(body, (1.0 - GROUSER_SDIRK_GAMMA) * step, rates_of(dynamics, at.body, at.force));
-    if (!solve_stage_by_broyden(dynamics, row, &s, &inverse, &at)) return 0;
+    if (!solve_stage_by_broyden(dynamics, row, &s, &inverse, 0, &at)) return 0;
   }
   out->body = at.body;
   memcpy(out->force, at.force, sizeof at.force);

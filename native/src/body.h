@@ -102,12 +102,19 @@ static inline grouser_body grouser_broyden_step(grouser_inverse *inverse, grouse
   return next;
 }
 
-/* The first guess: where the forces of the last tick would take the body. */
-static inline grouser_body grouser_extrapolated(const double *row, const grouser_footing *footing, double gain) {
+static inline int grouser_same_body(grouser_body a, grouser_body b) {
+  return a.vx == b.vx && a.vy == b.vy && a.yaw_rate == b.yaw_rate;
+}
+
+/* The first guess: where the forces of the last tick would take the body, and its yaw rate as the belts change; the body
+ * itself if that is within the tolerance. */
+static inline grouser_body grouser_extrapolated(const double *row, const grouser_footing *footing,
+                                                double yaw_acceleration, double gain, double tolerance) {
   const double vx = row[GROUSER_VX], vy = row[GROUSER_VY], yaw_rate = row[GROUSER_YAW_RATE];
-  const grouser_body guess = {vx + gain * (row[GROUSER_AX] + footing->pull_x + yaw_rate * vy),
-                              vy + gain * (row[GROUSER_AY] + footing->pull_y - yaw_rate * vx), yaw_rate};
-  return guess;
+  const grouser_body body = {vx, vy, yaw_rate};
+  const grouser_body change = {gain * (row[GROUSER_AX] + footing->pull_x + yaw_rate * vy),
+                               gain * (row[GROUSER_AY] + footing->pull_y - yaw_rate * vx), gain * yaw_acceleration};
+  return grouser_residual_size(change) <= tolerance ? body : grouser_along(body, 1.0, change);
 }
 
 static inline int grouser_finite_body(grouser_body body) { return isfinite(body.vx + body.vy + body.yaw_rate); }
@@ -117,6 +124,7 @@ typedef struct {
   grouser_inertia inertia;
   double tread; /* m */
   const grouser_footing *footing;
+  double yaw_acceleration; /* rad/s^2, that is to be expected */
   grouser_blend blend;
 } grouser_dynamics;
 

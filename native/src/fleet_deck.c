@@ -43,7 +43,8 @@ void grouser_deck_enter(grouser_deck *deck, const grouser_plant *plant, int colu
   deck->stage[lane] = deck->iteration[lane] = deck->iterations[lane] = 0;
   deck->active[lane] = 1;
   if (plant->integrator != GROUSER_EULER)
-    put_body(deck, lane, grouser_extrapolated(start->row, &start->footing, gain_of(plant)));
+    put_body(deck, lane, grouser_extrapolated(start->row, &start->footing, start->yaw_acceleration, gain_of(plant),
+                                              plant->tolerance));
 }
 
 void grouser_deck_move(grouser_deck *from, int lane, grouser_deck *to, int free_lane, int columns, int split) {
@@ -68,7 +69,8 @@ void grouser_deck_move(grouser_deck *from, int lane, grouser_deck *to, int free_
 }
 
 /* The forces of one lane after another, where the kernel has no block. */
-static void evaluate_lanes(grouser_deck *deck, const grouser_kernel *kernel, int split, int want_slopes) {
+static void evaluate_lanes(grouser_deck *deck, const grouser_kernel *kernel, int split,
+                           enum grouser_slopes_wanted wanted) {
   for (int l = 0; l < GROUSER_BLOCK; l++) {
     if (!deck->active[l]) continue;
     double left[GROUSER_MAX_COLUMNS], right[GROUSER_MAX_COLUMNS];
@@ -77,10 +79,10 @@ static void evaluate_lanes(grouser_deck *deck, const grouser_kernel *kernel, int
       left[n] = deck->left.column[n][l];
       right[n] = deck->right.column[n][l];
     }
-    grouser_kernel_forces(kernel, left, split ? right : NULL, force, want_slopes ? slope : NULL);
+    grouser_kernel_forces(kernel, left, split ? right : NULL, wanted, force, slope);
     for (int n = 0; n < GROUSER_OUTPUTS; n++) {
       deck->forces.force[n][l] = force[n];
-      for (int q = 0; want_slopes && q < 3; q++) deck->forces.slope[n][q][l] = slope[n][q];
+      for (int q = 0; wanted && q < 3; q++) deck->forces.slope[n][q][l] = slope[n][q];
     }
   }
 }
@@ -88,14 +90,15 @@ static void evaluate_lanes(grouser_deck *deck, const grouser_kernel *kernel, int
 /* Up to as many lanes, one by one costs less than a whole block: to the same bits. */
 enum { FEW_LANES = 4 };
 
-static void evaluate(grouser_deck *deck, const grouser_plant *plant, const grouser_kernel *kernel, int want_slopes) {
+static void evaluate(grouser_deck *deck, const grouser_plant *plant, const grouser_kernel *kernel,
+                     enum grouser_slopes_wanted wanted) {
   const int split = plant->sampling.tracks;
   int busy = 0;
   for (int l = 0; l < GROUSER_BLOCK; l++) busy += deck->active[l] != 0;
   if (kernel->evaluate_block && !(kernel->evaluate_body && busy <= FEW_LANES))
-    kernel->evaluate_block(kernel->self, &deck->left, split ? &deck->right : &deck->left, want_slopes, &deck->forces);
+    kernel->evaluate_block(kernel->self, &deck->left, split ? &deck->right : &deck->left, wanted, &deck->forces);
   else
-    evaluate_lanes(deck, kernel, split, want_slopes);
+    evaluate_lanes(deck, kernel, split, wanted);
 }
 
 static grouser_inertia inertia_in(const grouser_deck *deck, const grouser_plant *plant, int l) {
@@ -131,9 +134,13 @@ static grouser_body rates_in(const grouser_deck *deck, const grouser_plant *plan
   return grouser_rates(inertia_in(deck, plant, l), deck->pull[0][l], deck->pull[1][l], body_in(deck, l), force);
 }
 
-static grouser_body residual_in(const grouser_deck *deck, const grouser_plant *plant, int l, double gain) {
+static grouser_body anchor_in(const grouser_deck *deck, int l) {
   const grouser_body anchor = {deck->anchor[0][l], deck->anchor[1][l], deck->anchor[2][l]};
-  return grouser_residual(body_in(deck, l), anchor, gain, rates_in(deck, plant, l));
+  return anchor;
+}
+
+static grouser_body residual_in(const grouser_deck *deck, const grouser_plant *plant, int l, double gain) {
+  return grouser_residual(body_in(deck, l), anchor_in(deck, l), gain, rates_in(deck, plant, l));
 }
 
 /* Forces under the load of each lane. */
@@ -148,7 +155,7 @@ static int wants_slopes(const grouser_plant *plant) { return plant->integrator !
 void grouser_deck_open(grouser_deck *deck, const grouser_plant *plant, const grouser_kernel *kernel) {
   const double gain = gain_of(plant);
   const int want_slopes = wants_slopes(plant);
-  evaluate(deck, plant, kernel, want_slopes);
+  evaluate(deck, plant, kernel, want_slopes ? GROUSER_LEADING_SLOPES : GROUSER_NO_SLOPES);
   load_forces(deck);
   for (int l = 0; want_slopes && l < GROUSER_BLOCK; l++) {
     const double ratio = deck->load_ratio[l];
@@ -170,7 +177,7 @@ void grouser_deck_open(grouser_deck *deck, const grouser_plant *plant, const gro
 
 void grouser_deck_follow(grouser_deck *deck, const grouser_plant *plant, const grouser_kernel *kernel) {
   const double gain = gain_of(plant);
-  evaluate(deck, plant, kernel, 0);
+  evaluate(deck, plant, kernel, GROUSER_NO_SLOPES);
   load_forces(deck);
   for (int l = 0; l < GROUSER_BLOCK; l++) {
     grouser_inverse inverse = inverse_in(deck, l);
@@ -217,9 +224,10 @@ static void begin_second_stage(grouser_deck *deck, const grouser_plant *plant, i
   deck->size[l] = grouser_residual_size(residual);
 }
 
-/* An extrapolated body is not taken for a solved one: a vehicle at rest would chatter within the tolerance. */
+/* An extrapolated body is not taken for a solved one: a vehicle near rest would chatter within the tolerance. */
 static int is_solved(const grouser_deck *deck, const grouser_plant *plant, int l) {
-  return deck->size[l] <= (deck->iteration[l] > 0 ? plant->tolerance : 0.0);
+  const int guessed = deck->iteration[l] == 0 && deck->stage[l] == 0;
+  return deck->size[l] <= plant->tolerance && !(guessed && !grouser_same_body(body_in(deck, l), anchor_in(deck, l)));
 }
 
 enum grouser_progress grouser_deck_proceed(grouser_deck *deck, const grouser_plant *plant, int l,
@@ -231,13 +239,13 @@ enum grouser_progress grouser_deck_proceed(grouser_deck *deck, const grouser_pla
     solution->body = grouser_along(solution->body, plant->step, rates_in(deck, plant, l));
     return GROUSER_CONVERGED;
   }
-  if (deck->iteration[l] > 0 && !(deck->size[l] < deck->size_before[l])) return GROUSER_STUCK;
   const int last_stage = plant->integrator == GROUSER_SDIRK2;
   if (is_solved(deck, plant, l) && deck->stage[l] < last_stage) begin_second_stage(deck, plant, l, start);
   if (is_solved(deck, plant, l) && deck->stage[l] == last_stage) {
     read_solution(deck, l, start, solution);
     return GROUSER_CONVERGED;
   }
+  if (deck->iteration[l] > 0 && !(deck->size[l] < deck->size_before[l])) return GROUSER_STUCK;
   if (deck->iteration[l] == GROUSER_BROYDEN_LIMIT || !grouser_finite_body(step_in(deck, l))) return GROUSER_STUCK;
   deck->size_before[l] = deck->size[l];
   deck->iteration[l]++;

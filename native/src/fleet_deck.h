@@ -1,5 +1,5 @@
-/* GROUSER_BLOCK ticks that are solved side by side, by Broyden's steps: each lane has its own tick, begun elsewhere, and
- * its own progress. Every decision looks at its own lane alone, so that the bits of a tick do not depend on what is
+/* GROUSER_BLOCK ticks that are solved side by side, by Broyden's steps: each lane has its own tick, begun elsewhere,
+ * and its own progress. Every decision looks at its own lane alone, so that the bits of a tick do not depend on what is
  * solved beside it. */
 #ifndef GROUSER_FLEET_DECK_H
 #define GROUSER_FLEET_DECK_H

@@ -1,7 +1,7 @@
 /* Which vehicle is in which lane. A crew of vehicles is taken at a time, and all of it makes one tick before the next.
  * The ticks that the primary alone moves are solved together, then those of the fallback; those that both have a share
- * in, one by one. A deck is opened with all its lanes full, and followed; as lanes converge, the ticks that are left come
- * together on fewer decks. */
+ * in, one by one. Decks are opened with all their lanes full, and followed; as lanes converge, the ticks that are left
+ * come together on fewer decks. */
 #include "fleet_lanes.h"
 
 #include <math.h>

@@ -138,19 +138,21 @@ def test_a_wrong_jacobian_is_corrected_on_the_way(viscous: Make) -> None:
 
 
 def test_the_forces_of_the_last_tick_are_the_first_guess(viscous: Make) -> None:
-    """A memory of the very acceleration to come, so that one step mends what rounding is left."""
-    rate, yaw_rate = 20.0, 0.5
-    velocity = (3.0 - 0.5j) / (1.0 + (rate + 1j * yaw_rate) * 0.01)
-    start = VehicleState(vx=3.0, vy=-0.5, yaw_rate=yaw_rate, ax=-rate * velocity.real, ay=-rate * velocity.imag)
-    record = Simulator(M113, viscous(rate=rate, yaw_decay=0.0), GROUND, state=start).step(IDLE)
-    assert complex(record.state.vx, record.state.vy) == pytest.approx(velocity, abs=1e-11)
-    away = Simulator(M113, viscous(rate=rate, yaw_decay=0.0), GROUND, state=replace(start, ax=0.0, ay=0.0)).step(IDLE)
-    assert record.iterations <= away.iterations
+    """With a memory of the very acceleration to come, one step mends what rounding left, without any slopes."""
+    backend, start = viscous(rate=70.0, jacobian_scale=0.0), VehicleState(vx=3.0, vy=-0.5)
+    remembered = replace(start, ax=-70.0 * 3.0 / 1.7, ay=70.0 * 0.5 / 1.7)
+    record = Simulator(M113, backend, GROUND, state=remembered).step(IDLE)
+    assert (record.state.vx, record.state.vy) == pytest.approx((3.0 / 1.7, -0.5 / 1.7), abs=1e-11)
+    assert (record.iterations, record.divisions) == (1, 1)
+    forgetful = Simulator(M113, backend, GROUND, state=start).step(IDLE)
+    assert (forgetful.state.vx, forgetful.state.vy) == pytest.approx((3.0 / 1.7, -0.5 / 1.7), abs=2e-11)
+    assert forgetful.iterations > 1
 
 
 class TestDivision:
-    """Where Broyden's method fails. With a Jacobian of zero, Newton's iteration is y ← y₀ + h f(y): each step shrinks the residual by z = h·rate.
+    """Where Broyden's method fails.
 
+    With a Jacobian of zero, Newton's iteration is y ← y₀ + h f(y): each step shrinks the residual by z = h·rate.
     The first residual is z·v₀, so that eight steps reach z⁹ v₀; a tick converges if that is within 1e-11.
     """
 

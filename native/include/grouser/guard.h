@@ -54,7 +54,8 @@ typedef struct {
  * the right track, or NULL where it is that of the left one. `slopes` may be NULL; where they are wanted, a primary
  * whose slopes are not finite has failed, too. */
 void grouser_kernel_forces(const grouser_kernel *kernel, const double *left, const double *right,
-                           double forces[GROUSER_OUTPUTS], double slopes[GROUSER_OUTPUTS][3]);
+                           enum grouser_slopes_wanted wanted, double forces[GROUSER_OUTPUTS],
+                           double slopes[GROUSER_OUTPUTS][3]);
 void grouser_blend_forces(grouser_blend *blend, const double *left, const double *right,
                           double forces[GROUSER_OUTPUTS], double slopes[GROUSER_OUTPUTS][3]);
 
