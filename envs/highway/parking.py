@@ -1,0 +1,226 @@
+"""``grouser/Parking-v0``: put a tracked vehicle into a spot, nose first and standing."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from gymnasium.spaces import Dict
+from numpy.typing import ArrayLike, NDArray
+
+from ...terrain import FloatArray, ForceBackend, Ground, InvalidInputError, TrackedVehicle
+from ..observation import OBSERVATION_BOUND
+from ..rendering import RenderMode
+from ..state import VehicleState
+from ..tracked_env import Engine
+from .goal import GOAL_NAMES, GOAL_SCALES, Tolerance, as_goals, goal_errors, goal_reward, make_goal, within
+from .obstacles import OBSTACLE_PARTS, nearest_obstacles, obstacle_table
+from .parking_config import ParkingConfig, check_parking_options, parking_config
+from .parking_lot import draw_parking, lot_objects, spot_index, spot_network, spot_pose
+from .scene import Action, SceneEnv, bounded, is_lost, observation_box
+
+Observation = dict[str, NDArray[np.float32]]
+Info = Mapping[str, Any]
+
+_POSITION_SCALE: Final = GOAL_SCALES[0]
+
+
+class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
+    """Put a tracked vehicle into a spot of a parking lot.
+
+    PLACEHOLDER
+    """
+
+    def __init__(
+        self,
+        backend: str | ForceBackend = "native",
+        vehicle: str | os.PathLike[str] | TrackedVehicle = "m113",
+        terrain: str | os.PathLike[str] | Ground = "asphalt",
+        *,
+        render_mode: RenderMode | None = None,
+        backend_options: Mapping[str, Any] | None = None,
+        engine: Engine | None = None,
+        **settings: Any,
+    ) -> None:
+        config = parking_config(settings)
+        super().__init__(
+            config,
+            backend=backend,
+            vehicle=vehicle,
+            terrain=terrain,
+            render_mode=render_mode,
+            backend_options=backend_options,
+            engine=engine,
+        )
+        self.tolerance: Final = Tolerance(config.position_tolerance, config.heading_tolerance, config.speed_tolerance)
+        self._network = spot_network()
+        self._taken: FloatArray = np.zeros((0, 3))
+        self._goal = np.zeros(len(GOAL_NAMES), np.float32)
+        shown = OBSTACLE_PARTS * config.observed_obstacles if config.parked_vehicles else 0
+        self.observation_space = Dict(
+            {
+                "observation": observation_box(11 + shown + self._terrain_size),
+                "achieved_goal": observation_box(len(GOAL_NAMES)),
+                "desired_goal": observation_box(len(GOAL_NAMES)),
+            }
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode; ``options`` as in :class:`ParkingResetOptions`.
+
+        The same draws are made whatever the options, so that an option changes nothing but what it names.
+        """
+        super().reset(seed=seed)
+        chosen, config = check_parking_options(options or {}), self.config
+        draw = draw_parking(self.np_random, self._network, parked=config.parked_vehicles, spread=config.start_spread)
+        ground = self._draw_ground()
+        if "spot" in chosen:
+            spot = spot_index(chosen["spot"])
+            draw = draw._replace(spot=spot, taken=tuple(each for each in draw.taken if each != spot))
+        drawn = VehicleState(x=draw.x, y=draw.y, heading=float(chosen.get("heading", draw.heading)))
+        state = replace(chosen.get("state", drawn), time=0.0)
+        objects = lot_objects(self._network, draw, walls=config.walls)
+        self._taken = obstacle_table(objects[1 : 1 + len(draw.taken)])
+        x, y, heading = spot_pose(self._network, draw.spot)
+        self._goal = make_goal(x, y, 0.0, 0.0, heading, OBSERVATION_BOUND)
+        self._begin(self._network, objects, state, chosen.get("terrain", ground))
+        observation = self._observe()
+        return observation, self._goal_info(observation) | {"crashed": False, "steps": 0}
+
+    def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Hold an action for one control period, or until the vehicle collides.
+
+        Raises
+        ------
+        InvalidInputError
+            If the action is not two numbers in [-1, 1].
+        """
+        given, info = self._advance(action)
+        change, slip_power = self._control_costs(given, info)
+        if not is_lost(info):
+            info |= self._guard_info()
+        observation = self._observe()
+        achieved, desired = observation["achieved_goal"], observation["desired_goal"]
+        goal, collision = self._goal_terms(as_goals(achieved), as_goals(desired), [info])
+        info["reward_terms"] = {
+            "goal": float(goal[0]),
+            "collision": float(collision[0]),
+            "action_change": change,
+            "slip_power": slip_power,
+        }
+        info |= self._goal_info(observation)
+        reward = float(self.compute_reward(achieved, desired, info))
+        terminated = bool(self.compute_terminated(achieved, desired, info))
+        truncated = bool(self.compute_truncated(achieved, desired, info))
+        if self.render_mode == "human":
+            self.render()
+        return observation, reward, terminated, truncated, info
+
+    def compute_reward(
+        self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Info | Sequence[Info] | NDArray[Any]
+    ) -> Any:
+        """Return the reward of reaching goals where others were desired.
+
+        Every term is recomputed: the goal's from the goals, collision and control costs from ``info``.
+
+        Parameters
+        ----------
+        achieved_goal, desired_goal : array_like, shape (6,) or (n, 6)
+            As observed.
+        info : mapping, or sequence of n mappings
+            Of the step that led to ``achieved_goal``.
+
+        Returns
+        -------
+        float or ndarray, shape (n,)
+            Of many the same to the bit as of each alone.
+
+        Raises
+        ------
+        InvalidInputError
+            If the shapes do not fit, or ``info`` is not that of a step: stable-baselines3's ``HerReplayBuffer`` hands it on
+            with ``copy_info_dict=True`` alone.
+        """
+        achieved, desired, infos = _pairs(achieved_goal, desired_goal, info)
+        goal, collision = self._goal_terms(achieved, desired, infos)
+        terms = [each["reward_terms"] for each in infos]
+        change = np.array([each["action_change"] for each in terms])
+        rewards = goal + collision + change + np.array([each["slip_power"] for each in terms])
+        return rewards if np.ndim(achieved_goal) == 2 else float(rewards[0])
+
+    def compute_terminated(
+        self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Info | Sequence[Info] | NDArray[Any]
+    ) -> Any:
+        """Return whether the goal is reached, or the vehicle has collided or is lost; arguments as above."""
+        achieved, desired, infos = _pairs(achieved_goal, desired_goal, info)
+        ended = within(goal_errors(achieved, desired), self.tolerance) | _failed(infos)
+        return ended if np.ndim(achieved_goal) == 2 else bool(ended[0])
+
+    def compute_truncated(
+        self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Info | Sequence[Info] | NDArray[Any]
+    ) -> Any:
+        """Return whether the time is up and nothing else has ended the episode; arguments as above."""
+        _, _, infos = _pairs(achieved_goal, desired_goal, info)
+        late = np.array([each["steps"] >= self._most_steps for each in infos])
+        truncated = late & ~np.atleast_1d(self.compute_terminated(achieved_goal, desired_goal, info))
+        return truncated if np.ndim(achieved_goal) == 2 else bool(truncated[0])
+
+    def _goal_terms(
+        self, achieved: FloatArray, desired: FloatArray, infos: Sequence[Info]
+    ) -> tuple[FloatArray, FloatArray]:
+        config = self.config
+        goal = goal_reward(achieved, desired, config.reward_weights, config.reward_exponent)
+        return goal, np.where(_failed(infos), -config.collision_weight, 0.0)
+
+    def _goal_info(self, observation: Observation) -> dict[str, Any]:
+        errors = goal_errors(as_goals(observation["achieved_goal"]), as_goals(observation["desired_goal"]))
+        return {
+            "is_success": bool(within(errors, self.tolerance)[0]),
+            "position_error": float(errors.position[0]),
+            "heading_error": float(errors.heading[0]),
+            "speed_error": float(errors.speed[0]),
+        }
+
+    def _observe(self) -> Observation:
+        state, config = self.vehicle.state, self.config
+        cosine, sine = math.cos(state.heading), math.sin(state.heading)
+        parts = [state.x / _POSITION_SCALE, state.y / _POSITION_SCALE, cosine, sine, *self._motion_parts(state)]
+        if config.parked_vehicles:
+            parts += nearest_obstacles(
+                self._taken, state.x, state.y, state.heading, count=config.observed_obstacles, scale=_POSITION_SCALE
+            )
+        vx, vy = cosine * state.vx - sine * state.vy, sine * state.vx + cosine * state.vy
+        return {
+            "observation": bounded(parts + self._terrain_parts(state)),
+            "achieved_goal": make_goal(state.x, state.y, vx, vy, state.heading, OBSERVATION_BOUND),
+            "desired_goal": self._goal.copy(),
+        }
+
+
+def _failed(infos: Sequence[Info]) -> NDArray[np.bool_]:
+    return np.array([bool(info["crashed"]) or is_lost(info) for info in infos], dtype=np.bool_)
+
+
+def _pairs(
+    achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Info | Sequence[Info] | NDArray[Any]
+) -> tuple[FloatArray, FloatArray, Sequence[Info]]:
+    """Return goals of shape (n, 6) and n infos."""
+    achieved, desired = as_goals(achieved_goal), as_goals(desired_goal)
+    infos = [info] if isinstance(info, Mapping) else list(info)
+    if not achieved.shape == desired.shape == (len(infos), len(GOAL_NAMES)):
+        raise InvalidInputError(
+            f"one info for each pair of goals: got goals of shapes {np.shape(achieved_goal)} and "
+            f"{np.shape(desired_goal)}, and {len(infos)} infos"
+        )
+    if any("crashed" not in each or "reward_terms" not in each for each in infos):
+        raise InvalidInputError(
+            "the reward has terms of the step itself, and needs its info with 'crashed' and 'reward_terms': "
+            "make HerReplayBuffer with copy_info_dict=True"
+        )
+    return achieved, desired, infos
