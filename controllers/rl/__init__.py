@@ -6,8 +6,11 @@ from .environment import EnvironmentSpec, environment_id, environment_ids, short
 from .evaluation import EpisodeResult, Evaluation, evaluate
 from .normalizer import ObservationNormalizer
 from .policy import Policy, load_policy
-from .recipe import Recipe, shipped_recipes
+from .recipe import Recipe, read_value, recipe_text, shipped_recipes
+from .recording import record_dataset
 from .training import TrainingPlan, TrainingResult, read_curve, train_policy
+from .tuning import TuningResult, tune
+from .video import film
 
 __all__ = [
     "ALGORITHMS",
@@ -21,12 +24,18 @@ __all__ = [
     "Recipe",
     "TrainingPlan",
     "TrainingResult",
+    "TuningResult",
     "environment_id",
     "environment_ids",
     "evaluate",
+    "film",
     "load_policy",
     "read_curve",
+    "read_value",
+    "recipe_text",
+    "record_dataset",
     "shipped_recipes",
     "short_name",
     "train_policy",
+    "tune",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import count
@@ -103,7 +104,7 @@ def read_actor(
         raise ArtifactError(f"the policy has no layer {error}") from error
     network = DenseNetwork(activation, tuple(weights for weights, _ in layers), tuple(bias for _, bias in layers))
     parts = observation_space.spaces if isinstance(observation_space, gymnasium.spaces.Dict) else {}
-    taken = sum(space.shape[0] for space in parts.values()) if parts else (observation_space.shape or (0,))[0]
+    taken = sum(math.prod(space.shape or ()) for space in (parts.values() or (observation_space,)))
     if taken != network.widths[0]:
         raise ArtifactError(f"observations are {taken} numbers, the actor takes {network.widths[0]}")
     if not isinstance(action_space, gymnasium.spaces.Box):
@@ -113,7 +114,7 @@ def read_actor(
 
 
 def _while_found(tensors: Tensors, body: str) -> list[int]:
-    found = []
+    found: list[int] = []
     for index in count(0, 2):
         if f"{body}.{index}.weight" not in tensors:
             return found

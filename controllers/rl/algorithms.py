@@ -141,9 +141,7 @@ class Architecture:
             **self.options,
         }
 
-    def build_policy(
-        self, observation_space: gymnasium.Space[Any], action_space: gymnasium.Space[Any]
-    ) -> BasePolicy:
+    def build_policy(self, observation_space: gymnasium.Space[Any], action_space: gymnasium.Space[Any]) -> BasePolicy:
         """Return an untrained policy.
 
         Raises

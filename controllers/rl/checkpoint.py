@@ -9,6 +9,7 @@ import numpy as np
 
 from ...surrogate.container import Tensors, pack, unpack
 from ...terrain import ArtifactError, write_aside
+from .hindsight import InfoColumns
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -65,9 +66,10 @@ def save_checkpoint(path: FilePath, model: BaseAlgorithm) -> FilePath:
         filled = buffer.buffer_size if buffer.full else buffer.pos
         for name, array in _buffer_arrays(buffer).items():
             tensors[f"buffer/{name}"] = array[:filled]
-        if hasattr(buffer, "_current_ep_start"):
-            tensors["episodes/start"] = buffer._current_ep_start
-        metadata["buffer"] = {"position": buffer.pos, "full": buffer.full}
+        metadata["buffer"] = {"position": int(buffer.pos), "full": bool(buffer.full)}
+        if isinstance(getattr(buffer, "infos", None), InfoColumns):
+            tensors["episodes"] = buffer._current_ep_start
+            tensors |= {f"infos/{name}": column[:filled] for name, column in buffer.infos.columns.items()}
     return write_aside(path, pack(tensors, metadata))
 
 
@@ -107,7 +109,11 @@ def read_checkpoint(path: FilePath) -> tuple[Tensors, dict[str, Any]]:
 def _restore(tensors: Tensors, metadata: dict[str, Any], model: BaseAlgorithm) -> None:
     import torch
 
-    held = {name: torch.from_numpy(array.copy()) for name, array in tensors.items() if not name.startswith("buffer/")}
+    held = {
+        name: torch.from_numpy(array.copy())
+        for name, array in tensors.items()
+        if not name.startswith(("buffer/", "infos/"))
+    }
     state_names, variables = model._get_torch_save_params()
     for name in state_names:
         owner = _attribute(model, name)
@@ -135,8 +141,9 @@ def _restore(tensors: Tensors, metadata: dict[str, Any], model: BaseAlgorithm) -
             saved = tensors[f"buffer/{name}"]
             array[: len(saved)] = saved
         buffer.pos, buffer.full = metadata["buffer"]["position"], metadata["buffer"]["full"]
-        if hasattr(buffer, "_current_ep_start"):
-            buffer._current_ep_start[:] = tensors["episodes/start"]
+        if isinstance(getattr(buffer, "infos", None), InfoColumns):
+            buffer._current_ep_start[:] = tensors["episodes"]
+            buffer.infos.restore(_below(tensors, "infos/"))
     position, has_gauss, gauss = metadata["generators"]["numpy"]
     np.random.set_state(("MT19937", tensors["generator/numpy"], position, has_gauss, gauss))  # noqa: NPY002
     torch.set_rng_state(held["generator/torch"])

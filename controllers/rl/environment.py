@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from inspect import signature
 from typing import TYPE_CHECKING, Any, Final
 
 import gymnasium
@@ -13,12 +15,13 @@ from ...envs.batch import Batch
 from ...envs.sb3 import make_sb3_vec_env
 from ...envs.tracked_env import TrackedVehicleEnv
 from ...envs.vector import TrackedVehicleVectorEnv
-from ...terrain import ConfigurationError, TrackedVehicle, missing_extra, unknown_name
+from ...terrain import ConfigurationError, InvalidInputError, TrackedVehicle, missing_extra, unknown_name
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
 
 _NAMESPACE: Final = "grouser/"
+_DEFAULTED: Final = ("backend", "vehicle", "terrain", "path")
 #: Settings that say what an observation or an action means.
 _MEANING: Final = (
     "action_mode",
@@ -26,6 +29,7 @@ _MEANING: Final = (
     "maximum_cross_track",
     "observe_terrain",
     "reference_speed",
+    "top_speed",
     "yaw_rate_scale",
 )
 
@@ -120,25 +124,42 @@ class EnvironmentSpec:
     def facts(self) -> dict[str, Any]:
         """Return what a policy has to know of the environment that it was trained in, as JSON can hold it.
 
-        ``id``, ``arguments`` without ``backend_options``, ``backend`` as it describes itself, and of the batched tasks
-        the resolved ``settings``, ``vehicle`` and ground ``mode``.
+        ``id``, ``arguments`` with those of ground, path, vehicle and backend that were left out and without
+        ``backend_options``, and of grouser's environments the resolved ``settings``,
+        ``vehicle``, ground ``mode``, and ``backend`` as it describes itself.
+
+        Raises
+        ------
+        InvalidInputError
+            If JSON cannot hold an argument.
         """
-        arguments = {key: value for key, value in self.arguments.items() if key != "backend_options"}
+        environment = self.make()
+        inner: Any = environment.unwrapped
+        parameters = signature(type(inner).__init__).parameters
+        arguments = {name: parameters[name].default for name in _DEFAULTED if name in parameters}
+        arguments |= {key: value for key, value in self.arguments.items() if key != "backend_options"}
         vehicle = arguments.get("vehicle")
         if isinstance(vehicle, TrackedVehicle):
             arguments["vehicle"] = vehicle.name
         facts: dict[str, Any] = {"id": self.id, "arguments": arguments}
-        environment = self.make()
-        inner = environment.unwrapped
-        if isinstance(inner, TrackedVehicleEnv):
+        if self.id.startswith(_NAMESPACE):
+            single = isinstance(inner, TrackedVehicleEnv)
+            # Of highway-env, ``vehicle`` is the one on the road.
+            driven = inner.vehicle if single else inner.tracked_vehicle
+            backend = inner.simulator.backend if single else inner.backend
             facts |= {
                 "settings": asdict(inner.config),
-                "vehicle": inner.vehicle.to_dict(),
-                "mode": inner.task.mode,
-                "backend": inner.simulator.backend.describe(),
+                "vehicle": driven.to_dict(),
+                "mode": backend.mode,
+                "backend": backend.describe(),
             }
         environment.close()
-        return facts
+        try:
+            return dict(json.loads(json.dumps(facts, allow_nan=False)))
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(
+                f"arguments of the environment must be names, files and numbers, but for backend_options: {error}"
+            ) from error
 
 
 def require_same_task(trained: Mapping[str, Any], facts: Mapping[str, Any]) -> None:

@@ -109,9 +109,7 @@ class Evaluation:
         for name in names:
             values = np.array([episode.measures.get(name, math.nan) for episode in self.episodes])
             pooled = name.endswith("_rmse")
-            found[name] = float(
-                np.sqrt(np.sum(lengths * values**2) / np.sum(lengths)) if pooled else np.mean(values)
-            )
+            found[name] = float(np.sqrt(np.sum(lengths * values**2) / np.sum(lengths)) if pooled else np.mean(values))
         return found
 
     def summary(self) -> dict[str, Any]:

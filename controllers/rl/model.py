@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from ...terrain import ConfigurationError
 from .algorithms import policy_name
+from .hindsight import hindsight_buffer
 from .normalizer import ObservationNormalizer
 from .policy import Policy
 from .recipe import Recipe
@@ -16,7 +18,13 @@ if TYPE_CHECKING:
 
 
 def build_model(recipe: Recipe, environment: VecEnv, seed: int) -> BaseAlgorithm:
-    """Return an untrained model on the environment, which is normalized first where the recipe says so."""
+    """Return an untrained model on the environment, which is normalized first where the recipe says so.
+
+    Raises
+    ------
+    ConfigurationError
+        If goals are to be relabelled and the environment has none.
+    """
     arguments = recipe.arguments()
     if recipe.normalize:
         from stable_baselines3.common.vec_env import VecNormalize
@@ -24,11 +32,11 @@ def build_model(recipe: Recipe, environment: VecEnv, seed: int) -> BaseAlgorithm
         own = dict(recipe.normalize) if isinstance(recipe.normalize, Mapping) else {}
         environment = VecNormalize(environment, **({"gamma": arguments.get("gamma", 0.99)} | own))
     if recipe.kind.hindsight:
-        from stable_baselines3 import HerReplayBuffer
-
-        arguments["replay_buffer_class"] = HerReplayBuffer
+        if policy_name(environment.observation_space) == "MlpPolicy":
+            raise ConfigurationError(f"{recipe.algorithm} relabels goals, and {recipe.environment} has none")
+        arguments["replay_buffer_class"] = hindsight_buffer()
     return recipe.kind.load()(
-        policy_name(environment.observation_space),  # type: ignore[arg-type]
+        policy_name(environment.observation_space),
         environment,
         policy_kwargs=recipe.architecture.policy_arguments(),
         seed=seed,

@@ -46,16 +46,16 @@ class ObservationNormalizer:
         for key, mean in self.mean.items():
             variance = self.variance[key]
             if mean.shape != variance.shape or not (np.isfinite(mean) & np.isfinite(variance) & (variance >= 0)).all():
-                raise InvalidInputError(f"statistics of observation {key!r} must be finite, with variances of at least 0")
+                raise InvalidInputError(
+                    f"statistics of observation {key!r} must be finite, with variances of at least 0"
+                )
         if not (self.clip > 0 and self.epsilon > 0):
             raise InvalidInputError(f"clip and epsilon must be positive, got {self.clip} and {self.epsilon}")
 
     def __call__(self, observation: Any) -> Any:
         """Return the normalized observation, float32, of the layout that came."""
         if isinstance(observation, Mapping):
-            return {
-                key: self._normalize(key, part) if key in self.mean else part for key, part in observation.items()
-            }
+            return {key: self._normalize(key, part) if key in self.mean else part for key, part in observation.items()}
         return self._normalize(ROW, observation)
 
     def _normalize(self, key: str, part: Any) -> Any:
@@ -106,6 +106,6 @@ class ObservationNormalizer:
             norm_obs_keys=keys,
         )
         for key, mean in self.mean.items():
-            statistics = wrapper.obs_rms if key == ROW else wrapper.obs_rms[key]  # type: ignore[index]
+            statistics = wrapper.obs_rms if key == ROW else wrapper.obs_rms[key]
             statistics.mean, statistics.var = mean.copy(), self.variance[key].copy()  # type: ignore[union-attr]
         return wrapper

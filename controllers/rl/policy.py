@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...surrogate.container import Tensors, content_hash, pack, unpack
-from ...surrogate.normalizer import frozen_array
-from ...terrain import ArtifactError, ConfigurationError, GrouserError, InvalidInputError, write_aside
+from ...terrain import ArtifactError, ConfigurationError, GrouserError, InvalidInputError, TrackedVehicle, write_aside
 from .actor import Actor, read_actor
 from .algorithms import Architecture, algorithm_named
 from .environment import EnvironmentSpec, require_same_task
@@ -64,7 +63,7 @@ class Policy:
     recipe: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "weights", {name: frozen_array(a, a.dtype) for name, a in self.weights.items()})
+        object.__setattr__(self, "weights", {name: _frozen(a) for name, a in self.weights.items()})
         try:
             self._actor.act(self.normalize(self._example()))
         except (KeyError, TypeError, ValueError) as error:
@@ -111,7 +110,9 @@ class Policy:
         try:
             return self._actor.act(self.normalize(observation))
         except KeyError as error:
-            raise InvalidInputError(f"the policy observes {describe_space(self.observation_space)}, got no {error}") from error
+            raise InvalidInputError(
+                f"the policy observes {describe_space(self.observation_space)}, got no {error}"
+            ) from error
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
@@ -138,6 +139,26 @@ class Policy:
         facts = environment.facts() if isinstance(environment, EnvironmentSpec) else environment
         require_same_task(self.environment, facts)
         return self
+
+    def environment_spec(self, **changes: Any) -> EnvironmentSpec:
+        """Return the environment that the policy is judged in: that of its training, as its recipe has it for judging.
+
+        Parameters
+        ----------
+        **changes
+            Other arguments, such as ``backend="physics"`` or ``terrain="ice"``.
+
+        Raises
+        ------
+        ConfigurationError
+            If the policy would not see there what it was trained to see.
+        """
+        facts = self.environment
+        vehicle = {"vehicle": TrackedVehicle.from_dict(facts["vehicle"])} if "vehicle" in facts else {}
+        arguments = {**facts["arguments"], **vehicle, **self.recipe.get("eval_env_kwargs", {}), **changes}
+        spec = EnvironmentSpec(facts["id"], arguments)
+        self.require(spec)
+        return spec
 
     def to_sb3(self) -> BasePolicy:
         """Rebuild stable-baselines3's policy, critics included; it takes observations that :meth:`normalize` returned.
@@ -182,8 +203,16 @@ class Policy:
 
     def _example(self) -> Any:
         if isinstance(self.observation_space, gymnasium.spaces.Dict):
-            return {key: np.zeros(part.shape or (0,), np.float32) for key, part in self.observation_space.spaces.items()}
+            return {
+                key: np.zeros(part.shape or (0,), np.float32) for key, part in self.observation_space.spaces.items()
+            }
         return np.zeros(self.observation_space.shape or (0,), np.float32)
+
+
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+    copy = np.array(array, order="C")
+    copy.flags.writeable = False
+    return copy
 
 
 def load_policy(path: str | os.PathLike[str]) -> Policy:

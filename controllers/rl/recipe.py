@@ -202,13 +202,26 @@ class Recipe:
                 f"no recipe is shipped for {algorithm} on {environment} (there are {', '.join(shipped_recipes())}): "
                 "give one of your own"
             )
-        return _parse((files(__package__) / "recipes" / f"{wanted}.yml").read_text(encoding="utf-8"), f"{wanted}.yml")
+        return _parse(recipe_text(wanted), f"{wanted}.yml")
 
 
 def shipped_recipes() -> tuple[str, ...]:
     """Names of the shipped recipes, algorithm and environment, sorted."""
     folder = files(__package__) / "recipes"
     return tuple(sorted(item.name.removesuffix(".yml") for item in folder.iterdir() if item.name.endswith(".yml")))
+
+
+def recipe_text(name: str) -> str:
+    """Return the YAML file of a shipped recipe.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none of that name.
+    """
+    if name not in shipped_recipes():
+        raise unknown_name("recipe", name, shipped_recipes())
+    return (files(__package__) / "recipes" / f"{name}.yml").read_text(encoding="utf-8")
 
 
 def read_value(text: str) -> Any:

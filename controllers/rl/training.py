@@ -37,7 +37,7 @@ _BEST: Final = "best.safetensors"
 _POLICIES: Final = "policies"
 _BOARD: Final = "tensorboard"
 #: Most reports to who waits.
-_REPORTS: Final = 500
+_REPORTS: Final = 100
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def train_policy(
         Go on from the checkpoint in the folder. All that a step depends on is in it; what is not are the library's
         means over the last hundred episodes, which only the board shows.
     progress : callable, optional
-        Called after rollouts, five hundred times in all at most.
+        Called after rollouts, a hundred times in all at most.
 
     Raises
     ------
@@ -198,7 +198,9 @@ def _learn(model: BaseAlgorithm, recipe: Recipe, run: _Run, folder: FilePath | N
         def _on_step(self) -> bool:
             return True
 
-    model.set_logger(configure(None if folder is None else str(folder / _BOARD), [] if folder is None else ["tensorboard"]))
+    model.set_logger(
+        configure(None if folder is None else str(folder / _BOARD), [] if folder is None else ["tensorboard"])
+    )
     left = recipe.n_timesteps - run.first
     if left > 0:
         model.learn(left, callback=BetweenRollouts(), reset_num_timesteps=run.first == 0, log_interval=10)
@@ -289,7 +291,7 @@ class _Run:
         model._last_episode_starts = np.ones(environment.num_envs, np.bool_)
         wrapper = model.get_vec_normalize_env()
         if wrapper is not None:
-            model._last_original_obs = wrapper.get_original_obs()  # type: ignore[assignment]
+            model._last_original_obs = wrapper.get_original_obs()
 
     def _evaluate(self, steps: int) -> None:
         plan, policy = self._plan, self.policy()
@@ -313,7 +315,7 @@ class _Run:
     def _checkpoint(self, steps: int) -> None:
         if self._folder is None:
             return
-        buffer = getattr(self._model, "replay_buffer", None)
+        buffer: Any = getattr(self._model, "replay_buffer", None)
         if hasattr(buffer, "truncate_last_trajectory"):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)

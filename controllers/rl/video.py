@@ -1,0 +1,98 @@
+"""An episode of a policy as a film."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...terrain import ConfigurationError, InvalidInputError, missing_extra
+from .environment import EnvironmentSpec
+from .evaluation import Actor
+
+_SUFFIXES: Final = (".mp4",)
+# H.264 takes heights and widths that this divides.
+_BLOCK: Final = 2
+
+
+def film(
+    policy: Actor,
+    environment: EnvironmentSpec,
+    target: FilePath,
+    *,
+    episodes: int = 1,
+    seed: int = 0,
+    progress: Callable[[int], None] | None = None,
+) -> int:
+    """Write episodes of a policy, one after the other, as an .mp4 file; return its frames.
+
+    Parameters
+    ----------
+    policy : Actor
+        That drives, without exploration.
+    environment : EnvironmentSpec
+        Where it drives; its frames are those of ``render_mode="rgb_array"``, one a control period.
+    target : Path
+        The file.
+    episodes : int
+        How many.
+    seed : int
+        Of the first.
+    progress : callable, optional
+        Called with the number of frames so far.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file's name does not end in .mp4.
+    ConfigurationError
+        If imageio or its ffmpeg is not installed, or the environment draws no frames.
+    """
+    if target.suffix.lower() not in _SUFFIXES:
+        raise InvalidInputError(f"a film's name ends in .mp4, got {target.name!r}")
+    try:
+        import imageio.v2
+        import imageio_ffmpeg  # noqa: F401 - imageio misses it only at the first frame
+    except ImportError as error:
+        raise missing_extra("imageio[ffmpeg]", "render") from error
+    made = environment.make(render_mode="rgb_array")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    # The encoder takes the container from the suffix, so that what is written aside has it too.
+    handle, aside = tempfile.mkstemp(suffix=target.suffix, prefix=f".{target.stem}.", dir=target.parent)
+    os.close(handle)
+    count = 0
+    try:
+        writer = imageio.v2.get_writer(
+            aside, fps=made.metadata["render_fps"], macro_block_size=_BLOCK, ffmpeg_log_level="error"
+        )
+        with writer:
+            for index in range(episodes):
+                for frame in _frames(policy, made, seed + index):
+                    writer.append_data(frame)
+                    count += 1
+                    if progress is not None:
+                        progress(count)
+        FilePath(aside).replace(target)
+    finally:
+        made.close()
+        FilePath(aside).unlink(missing_ok=True)
+    return count
+
+
+def _frames(policy: Actor, environment: Any, seed: int) -> Iterator[NDArray[np.uint8]]:
+    observation, _ = environment.reset(seed=seed)
+    done = False
+    while True:
+        frame = environment.render()
+        if not isinstance(frame, np.ndarray):
+            raise ConfigurationError(f"{environment.spec.id} draws no frames")
+        yield frame
+        if done:
+            return
+        observation, _, terminated, truncated, _ = environment.step(policy.act(observation))
+        done = terminated or truncated
