@@ -174,7 +174,7 @@ def _episodes(policy: Policy, environment: Any, seeds: range, progress: Progress
             rewards=rewards,
             terminations=terminations,
             truncations=truncations,
-            infos=dict(zip(names, np.array(infos).T, strict=True)),
+            infos={name: [told[place] for told in infos] for place, name in enumerate(names)},
         )
         if progress is not None:
             progress(index + 1, len(seeds))
