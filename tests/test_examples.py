@@ -12,7 +12,9 @@ ROOT = Path(__file__).parent.parent
 # What an example needs beside the extras of ``all``, by the names of the modules.
 NEEDS = {"rllib": ("ray", "lz4", "tree", "ormsgpack", "scipy"), "behaviour_cloning": ("minari", "torch")}
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-PAGES = tuple(ROOT / page for page in ("README.md", "docs/physics.md", "docs/environments.md", "docs/export.md", "docs/rl.md"))
+PAGES = tuple(
+    ROOT / page for page in ("README.md", "docs/physics.md", "docs/environments.md", "docs/export.md", "docs/rl.md")
+)
 BLOCKS = {
     f"{page.stem}-{index}": block
     for page in PAGES

@@ -44,7 +44,7 @@ def goal_policy(algorithm: str = "her-sac") -> Policy:
         Architecture(algorithm, (8, 8), "relu"),
         random_layers(generator, layers | critics),
         gymnasium.spaces.Dict({"observation": box, "achieved_goal": goal, "desired_goal": goal}),
-        gymnasium.spaces.Box(np.float32([-1.0, 0.0]), np.float32([1.0, 4.0])),
+        gymnasium.spaces.Box(np.array([-1.0, 0.0], np.float32), np.array([1.0, 4.0], np.float32)),
         {"id": "Reach-v0", "arguments": {}},
         ObservationNormalizer(
             {"observation": generator.normal(size=3)}, {"observation": generator.uniform(0.5, 2.0, 3)}, 5.0, 1e-8

@@ -68,9 +68,11 @@ def trained() -> tuple[TrainingResult, list[tuple[int, int]]]:
 
 def weights(policy: Policy) -> dict[str, bytes]:
     found = {name: array.tobytes() for name, array in policy.weights.items()}
-    return found if policy.normalizer is None else found | {
-        name: array.tobytes() for name, array in policy.normalizer.to_tensors().items()
-    }
+    return (
+        found
+        if policy.normalizer is None
+        else found | {name: array.tobytes() for name, array in policy.normalizer.to_tensors().items()}
+    )
 
 
 class Stopped(Exception):
@@ -146,8 +148,9 @@ def test_statistics_are_those_of_the_library(tmp_path: FilePath) -> None:
     assert policy.normalizer is not None
     environment = policy.environment_spec().make_vec_env(2)
     wrapped = policy.normalizer.wrap(environment)
-    rows = np.random.default_rng(0).uniform(-3.0, 3.0, (50, 19)).astype(np.float32)
-    assert np.array_equal(wrapped.normalize_obs(rows), policy.normalize(rows))
+    rows: Any = np.random.default_rng(0).uniform(-3.0, 3.0, (50, 19)).astype(np.float32)
+    expected: Any = wrapped.normalize_obs(rows)
+    assert np.array_equal(expected, policy.normalize(rows))
     assert not np.array_equal(policy.normalize(rows), rows)
 
 
@@ -275,5 +278,3 @@ def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
 def test_impossible_plans_are_refused(name: str, value: Any) -> None:
     with pytest.raises(InvalidInputError, match=name):
         TrainingPlan(PPO, **{name: value})
-
-
