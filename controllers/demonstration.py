@@ -48,19 +48,19 @@ _MAP_SPACING: Final = 0.25
 
 BACKENDS: Final = ("physics", "torch", "native", "guarded")
 
-# For a budget of tens of thousands of steps: few environments, small updates.
+# For a budget of tens of thousands of steps: many small updates.
 _SHORT_RECIPE: Final[dict[str, Any]] = {
     "algorithm": "ppo",
     "environment": "path-tracking",
     "n_timesteps": 36_864,
-    "n_envs": 4,
+    "n_envs": 16,
     "env_kwargs": {"action_mode": "twist", "random_start": True, "time_limit": 8.0, "cross_track_weight": 2.0},
     "policy_kwargs": {"net_arch": [64, 64], "activation": "tanh", "log_std_init": -1.5},
     "hyperparameters": {
-        "n_steps": 256,
+        "n_steps": 64,
         "batch_size": 256,
         "n_epochs": 10,
-        "learning_rate": "lin_2e-3",
+        "learning_rate": "lin_4e-3",
         "gamma": 0.9,
     },
 }

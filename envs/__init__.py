@@ -1,5 +1,8 @@
 """How does the vehicle move, and what is the task? Simulator, interface log, rollout, paths and Gymnasium tasks."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from .corridor import Corridor, Lane
 from .driveline import advance_belts
 from .fleet import FleetRecord, VehicleFleet
@@ -19,6 +22,18 @@ from .tick import INTEGRATORS, Integrator
 from .tracking import PathTrackingEnv
 from .tracking_config import ResetOptions, TrackingConfig
 
+if TYPE_CHECKING:
+    from .highway import OffRoadEnv, ParkingEnv, TrackedHighwayVehicle, tracked_vehicle_class, use_tracked_vehicle
+
+# What needs highway-env is loaded where it is first asked for.
+_HIGHWAY_NAMES = (
+    "OffRoadEnv",
+    "ParkingEnv",
+    "TrackedHighwayVehicle",
+    "tracked_vehicle_class",
+    "use_tracked_vehicle",
+)
+
 __all__ = [
     "GROUND_SAMPLINGS",
     "INTEGRATORS",
@@ -34,6 +49,8 @@ __all__ = [
     "Lane",
     "LogRecorder",
     "MotionProfile",
+    "OffRoadEnv",
+    "ParkingEnv",
     "Path",
     "PathTrackingEnv",
     "Projection",
@@ -44,6 +61,7 @@ __all__ = [
     "SpeedTrackingEnv",
     "TaskConfig",
     "TickRecord",
+    "TrackedHighwayVehicle",
     "TrackingConfig",
     "VehicleFleet",
     "VehicleState",
@@ -52,4 +70,12 @@ __all__ = [
     "path_names",
     "register_environments",
     "rollout",
+    "tracked_vehicle_class",
+    "use_tracked_vehicle",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HIGHWAY_NAMES:
+        return getattr(import_module(".highway", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

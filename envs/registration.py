@@ -11,6 +11,7 @@ _ENVIRONMENTS: Final[dict[str, tuple[str, str | None]]] = {
     "grouser/PathTracking-v0": ("tracking:PathTrackingEnv", "vector:PathTrackingVectorEnv"),
     "grouser/SpeedTracking-v0": ("speed_tracking:SpeedTrackingEnv", "vector:SpeedTrackingVectorEnv"),
     "grouser/Parking-v0": ("highway:ParkingEnv", None),
+    "grouser/OffRoad-v0": ("highway:OffRoadEnv", None),
 }
 
 

@@ -13,7 +13,8 @@ ROOT = Path(__file__).parent.parent
 NEEDS = {"rllib": ("ray", "lz4", "tree", "ormsgpack", "scipy"), "behaviour_cloning": ("minari", "torch")}
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 PAGES = tuple(
-    ROOT / page for page in ("README.md", "docs/physics.md", "docs/environments.md", "docs/export.md", "docs/rl.md")
+    ROOT / page
+    for page in ("README.md", *(f"docs/{name}.md" for name in ("physics", "environments", "export", "highway", "rl")))
 )
 BLOCKS = {
     f"{page.stem}-{index}": block

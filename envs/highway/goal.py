@@ -36,7 +36,8 @@ class Tolerance(NamedTuple):
 def make_goal(x: float, y: float, vx: float, vy: float, heading: float, bound: float) -> NDArray[np.float32]:
     """Return a goal, shape (6,), cut to ±``bound``; velocity in the plane's axes."""
     numbers = np.array([x, y, vx, vy, math.cos(heading), math.sin(heading)])
-    return np.clip(numbers / _SCALES, -bound, bound).astype(np.float32)
+    goal: NDArray[np.float32] = np.clip(numbers / _SCALES, -bound, bound).astype(np.float32)
+    return goal
 
 
 def as_goals(goals: ArrayLike) -> FloatArray:

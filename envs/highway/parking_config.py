@@ -71,7 +71,6 @@ class ParkingConfig(SceneConfig):
 
     control_period: float = 0.2
     time_limit: float = 30.0
-    top_speed: float | None = 4.0
     action_change_weight: float = 0.0
     slip_power_weight: float = 0.0
     reward_weights: tuple[float, ...] = (1.0, 1.0, 0.1, 0.1, 0.1, 0.1)

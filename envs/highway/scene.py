@@ -6,7 +6,7 @@ import contextlib
 import os
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, ClassVar, Final, Generic, TypeVar
 
 import gymnasium
 import numpy as np
@@ -33,6 +33,7 @@ from ...terrain import (
     resolve_vehicle,
     unknown_name,
 )
+from ...terrain.parameters import require_in
 from ..footing import sample_ground, track_forces_on
 from ..observation import OBSERVATION_BOUND
 from ..rendering import RENDER_MODES, RenderMode
@@ -41,8 +42,11 @@ from ..state import BeltCommand, VehicleState
 from ..tracked_env import Engine
 from .commands import twist_belts
 from .dependency import import_highway_env
-from .motion import MotionModel
+from .footprint import Footprint
+from .kinematics import Kinematics
+from .motion_model import MotionModel
 from .scene_config import SceneConfig
+from .scene_renderer import SceneRenderer
 from .vehicle import TrackedHighwayVehicle
 
 _roads = import_highway_env("road.road")
@@ -64,6 +68,8 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         Settings.
     backend, vehicle, terrain, backend_options, engine
         As of the environments.
+    usual_speed : float, optional
+        What ``top_speed`` is by default, in m/s, unless the training speed is lower.
     render_mode : {"rgb_array", "human"}, optional
         How :meth:`render` shows the scene.
 
@@ -75,6 +81,9 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         If periods do not divide.
     """
 
+    #: Height of a frame in m, and what stands in its middle; None is the vehicle.
+    _view: ClassVar[tuple[float, tuple[float, float] | None]]
+
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012 - Gymnasium's way
 
     def __init__(
@@ -84,6 +93,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         backend: str | ForceBackend,
         vehicle: str | os.PathLike[str] | TrackedVehicle,
         terrain: str | os.PathLike[str] | Ground,
+        usual_speed: float | None = None,
         render_mode: RenderMode | None,
         backend_options: Mapping[str, Any] | None,
         engine: Engine | None,
@@ -91,40 +101,40 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise unknown_name("render mode", render_mode, RENDER_MODES)
         self.config: Final[ConfigT] = config
-        self.tracked_vehicle: Final = resolve_vehicle(vehicle)
-        self.top_speed: Final = config.top_speed or self.tracked_vehicle.training_speed / 2
-        if self.top_speed > self.tracked_vehicle.maximum_speed:
-            raise InvalidInputError(
-                f"top_speed must be at most the {self.tracked_vehicle.maximum_speed:g} m/s that the drive of "
-                f"{self.tracked_vehicle.name} reaches, got {self.top_speed:g}"
-            )
+        self.vehicle: Final = resolve_vehicle(vehicle)
+        training_speed = self.vehicle.training_speed
+        self.top_speed: Final = config.top_speed or min(usual_speed or training_speed, training_speed)
+        require_in("top_speed", self.top_speed, 0.0, self.vehicle.maximum_speed, low_open=True)
         self._substeps = whole_ratio(config.control_period, config.scene_period, "control_period and scene_period")
         whole_ratio(config.scene_period, config.tick, "scene_period and tick")
         self._most_steps = whole_ratio(config.time_limit, config.control_period, "time_limit and control_period")
         self._terrains = tuple(resolve_terrain(name) for name in config.terrains)
         self._ground = self._terrains[0] if self._terrains else resolve_ground(terrain)
         self._model = MotionModel(
-            self.tracked_vehicle,
-            make_backend(backend, mode=self._ground.mode, vehicle=self.tracked_vehicle, **(backend_options or {})),
+            self.vehicle,
+            make_backend(backend, mode=self._ground.mode, vehicle=self.vehicle, **(backend_options or {})),
             self._ground,
             tick=config.tick,
             integrator=config.integrator,
             ground_sampling=config.ground_sampling,
             engine=engine,
         )
-        self._slip_block = PhysicsBackend(self.tracked_vehicle, self._ground.mode, cells=_SLIP_POWER_CELLS)
+        self._slip_block = PhysicsBackend(self.vehicle, self._ground.mode, cells=_SLIP_POWER_CELLS)
         self.render_mode = render_mode
+        # Gymnasium widens render_mode to any string.
         self._draw_mode = render_mode
-        # Gymnasium's is shared by every environment of the class.
+        # Gymnasium's metadata is shared by every environment of the class.
         self.metadata = self.metadata | {"render_fps": round(1 / config.control_period)}
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
         self._action: FloatArray = np.zeros(2)
         self._steps = 0
         self._vehicle: TrackedHighwayVehicle | None = None
         self._theta: FloatArray | None = None
+        self._renderer: SceneRenderer | None = None
+        self._succeeded = False
 
     @property
-    def vehicle(self) -> TrackedHighwayVehicle:
+    def highway_vehicle(self) -> TrackedHighwayVehicle:
         """The vehicle on the road."""
         if self._vehicle is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
@@ -133,7 +143,12 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
     @property
     def road(self) -> Any:
         """The road of highway-env, with its network, vehicles and objects."""
-        return self.vehicle.road
+        return self.highway_vehicle.road
+
+    @property
+    def ground(self) -> Ground:
+        """The ground of the episode."""
+        return self.highway_vehicle.motion.ground
 
     @property
     def backend(self) -> ForceBackend:
@@ -141,7 +156,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         return self._model.backend
 
     def _draw_ground(self) -> Ground:
-        """Draw the ground of an episode; the same numbers are drawn whatever the settings."""
+        """Draw the ground of an episode; as many numbers are drawn whatever the settings."""
         share = self.np_random.random()
         mode = self._ground.mode
         sampled = parameter_ranges(self.config.terrain_range or "wide", mode).sample(self.np_random)
@@ -151,40 +166,42 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
             return self._terrains[int(share * len(self._terrains))]
         return self._ground
 
-    def _sloped(self, ground: Ground) -> Ground:
+    def _require_mode(self, ground: Ground) -> None:
         if ground.mode != self._ground.mode:
             raise ConfigurationError(f"the task is on {self._ground.mode} ground, got {ground.mode}")
-        grade, bank = self.config.grade, self.config.bank
-        return SlopedGround(ground, grade, bank) if grade or bank else ground
 
     def _begin(self, network: Any, objects: list[Any], state: VehicleState, ground: Ground) -> None:
         """Put the vehicle on a road."""
-        ground = self._sloped(ground)
-        sample_ground(
-            ground,
-            self.tracked_vehicle,
-            self.config.ground_sampling,
-            x=state.x,
-            y=state.y,
-            heading=state.heading,
-        )
+        self._require_mode(ground)
+        grade, bank = self.config.grade, self.config.bank
+        if grade or bank:
+            ground = SlopedGround(ground, grade, bank)
+        sampling = self.config.ground_sampling
+        # A start off the map is refused here, before anything has changed.
+        sample_ground(ground, self.vehicle, sampling, x=state.x, y=state.y, heading=state.heading)
         road = _roads.Road(network=network, np_random=self.np_random, road_objects=objects)
         vehicle = TrackedHighwayVehicle(
             road, [state.x, state.y], state.heading, model=self._model, size=self.config.size
         )
         vehicle.set_ground(ground)
         vehicle.state = state
+        vehicle.motion.watched = bool(self.config.slip_power_weight) or isinstance(self.backend, GuardedBackend)
         road.vehicles.append(vehicle)
         self._vehicle = vehicle
         self._action = np.zeros(2)
         self._steps = 0
+        self._succeeded = False
+        if self._renderer is not None:
+            self._renderer.reset()
+        if self.render_mode == "human":
+            self.render()
 
     def _command(self, action: FloatArray) -> BeltCommand:
         limit = self.top_speed
         if self.config.action_mode == "belts":
             return BeltCommand(limit * float(action[0]), limit * float(action[1]))
         yaw_rate = self.config.yaw_rate_scale * float(action[1])
-        return twist_belts(limit * float(action[0]), yaw_rate, tread=self.tracked_vehicle.tread, limit=limit)
+        return twist_belts(limit * float(action[0]), yaw_rate, tread=self.vehicle.tread, limit=limit)
 
     def _advance(self, action: NDArray[Any]) -> tuple[FloatArray, dict[str, Any]]:
         """Hold an action for one control period, or until the vehicle collides or is lost.
@@ -199,7 +216,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         given = np.asarray(action, dtype=np.float64)
         if given.shape != (2,) or not np.all(np.abs(given) <= 1.0):
             raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
-        vehicle, road = self.vehicle, self.road
+        vehicle, road = self.highway_vehicle, self.road
         vehicle.act(self._command(given))
         lost: dict[str, Any] = {}
         try:
@@ -220,7 +237,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         change, self._action = action - self._action, action
         slip_power = 0.0
         if self.config.slip_power_weight and not is_lost(info):
-            slip_power = self._slip_power() / (self.tracked_vehicle.weight * self.top_speed)
+            slip_power = self._slip_power() / (self.vehicle.weight * self.top_speed)
         return (
             -self.config.action_change_weight * float(change @ change),
             -self.config.slip_power_weight * slip_power,
@@ -228,7 +245,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
 
     def _slip_power(self) -> float:
         """Return belt power less the power that reaches the body, of the last tick's shear forces, in W."""
-        record = self.vehicle.motion.last_tick()
+        record = self.highway_vehicle.motion.last_tick()
         tracks = track_forces_on(record.footing, self._slip_block, record.row, rolling=False)
         return float(record.row[5:7] @ tracks[:, 0]) - float(record.row[:3] @ tracks.sum(axis=0))
 
@@ -237,13 +254,13 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         backend = self.backend
         if not isinstance(backend, GuardedBackend):
             return {}
-        record = self.vehicle.motion.last_tick()
+        record = self.highway_vehicle.motion.last_tick()
         guard = record.state.guard
         active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback
         score = record.detection.score if record.detection is not None else 0.0
         return {"backend": active.name, "ood_score": score, "fallback_weight": guard.fallback_weight}
 
-    def _motion_parts(self, state: VehicleState) -> list[float]:
+    def _motion_parts(self, state: Kinematics) -> list[float]:
         """Return velocity, yaw rate, belts and previous action, scaled."""
         top = self.top_speed
         return [
@@ -255,13 +272,13 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
             *self._action.tolist(),
         ]
 
-    def _terrain_parts(self, state: VehicleState) -> list[float]:
+    def _terrain_parts(self, state: Kinematics) -> list[float]:
         """Return the terrain parameters under the vehicle, -1 to 1 over the wide ranges, where they are observed."""
         if not self.config.observe_terrain:
             return []
         # Off the map the vehicle sees what it saw last.
         with contextlib.suppress(OffMapError):
-            self._theta = self.vehicle.motion.ground.parameters_at(state.x, state.y)
+            self._theta = self.ground.parameters_at(state.x, state.y)
         ranges = parameter_ranges("wide", self._ground.mode)
         low, high = np.array(ranges.low), np.array(ranges.high)
         scaled: list[float] = (2 * ((low if self._theta is None else self._theta) - low) / (high - low) - 1).tolist()
@@ -271,11 +288,30 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
     def _terrain_size(self) -> int:
         return len(parameter_ranges("wide", self._ground.mode).low) if self.config.observe_terrain else 0
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Show the scene from above: an image (height, width, 3), or a window."""
         if self._draw_mode is None:
             gymnasium.logger.warn("render() without a render_mode: pass render_mode='rgb_array' to gymnasium.make")
-        return None
+            return None
+        vehicle = self.highway_vehicle
+        if self._renderer is None:
+            self._renderer = SceneRenderer(
+                self.vehicle,
+                Footprint(vehicle.LENGTH, vehicle.WIDTH),
+                self._draw_mode,
+                view_height=self._view[0],
+                center=self._view[1],
+                fps=self.metadata["render_fps"],
+            )
+        return self._renderer.show(
+            vehicle.state, vehicle.road, self.ground, label=self.backend.name, parked=self._succeeded
+        )
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
     @abstractmethod
     def _observe(self) -> ObservationT:
@@ -288,10 +324,13 @@ def is_lost(info: Mapping[str, Any]) -> bool:
 
 
 def bounded(parts: list[float]) -> NDArray[np.float32]:
-    """Return an observation, cut to its bound; NaN, of a state that broke off, becomes 0."""
-    return np.clip(np.array(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND).astype(np.float32)
+    """Return an observation, cut to its bound."""
+    cut: NDArray[np.float32] = np.clip(np.array(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND).astype(np.float32)
+    return cut
 
 
-def observation_box(size: int) -> Box:
+def observation_box(size: int) -> gymnasium.Space[NDArray[np.float32]]:
     """Return the space of observations of a size."""
-    return Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (size,), np.float32)
+    box: Any = Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (size,), np.float32)
+    space: gymnasium.Space[NDArray[np.float32]] = box
+    return space

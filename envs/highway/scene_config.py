@@ -25,7 +25,7 @@ class SceneConfig(TaskConfig):
     scene_period : float
         How often the scene looks for collisions, in s: it divides ``control_period``, and is a multiple of ``tick``.
     top_speed : float or None
-        Belt speed of a full action, in m/s; half the training speed by default.
+        Belt speed of a full action, in m/s; the task's own by default.
     terrains : tuple of str
         Grounds of which every episode draws one, in place of the environment's own.
     terrain_range : {"wide", "paper"}, optional

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,32 +12,28 @@ from numpy.typing import ArrayLike
 
 from ...terrain import (
     FloatArray,
-    ForceBackend,
     Ground,
+    GrouserError,
     InvalidInputError,
     TrackedVehicle,
-    make_backend,
-    resolve_ground,
-    resolve_vehicle,
 )
-from ..footing import GroundSampling
 from ..state import BeltCommand, VehicleState
-from ..tick import Integrator
-from ..tracked_env import Engine
 from .collision import Box, certainly_apart
 from .commands import accelerating_command, bicycle_yaw_rate, twist_belts
 from .dependency import import_highway_env
 from .footprint import footprint_of
-from .motion import Motion, MotionModel
+from .kinematics import Kinematics
+from .motion import Motion
+from .motion_model import MotionModel, standard_model
 
-_kinematics = import_highway_env("vehicle.kinematics")
+_Vehicle: Any = import_highway_env("vehicle.kinematics").Vehicle
 _utils = import_highway_env("utils")
 
 # Fractions of a tick that rounding may take from a step.
 _WHOLE = 1e-9
 
 
-class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
+class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
     """A tracked vehicle on a highway-env road.
 
     Its motion is that of :class:`~grouser.envs.Simulator`: slip, side-slip, belts, acceleration memory and guard
@@ -70,12 +64,13 @@ class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
     predition_type : {"constant_steering", "zero_steering"}
         What :meth:`predict_trajectory_constant_speed` holds; spelt as highway-env spells it.
     model : MotionModel, optional
-        How it moves; by default the class's own, see :func:`tracked_vehicle_class`.
+        How it moves; by default the class's own, see :func:`~grouser.envs.tracked_vehicle_class`.
     size : tuple of float, optional
         Length and width in m, if not the class's own.
     """
 
     LENGTH, WIDTH = footprint_of(TrackedVehicle.preset("m113"))
+    impact: Any
 
     def __init__(
         self,
@@ -106,7 +101,7 @@ class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
     @classmethod
     def default_model(cls) -> MotionModel:
         """Return how vehicles of this class move unless their constructor says otherwise."""
-        return _standard_model()
+        return standard_model()
 
     @classmethod
     def create_from(cls, vehicle: Any) -> TrackedHighwayVehicle:
@@ -150,8 +145,19 @@ class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
         """What moves it."""
         return self._motion
 
+    def kinematics(self) -> Kinematics:
+        """Return pose, motion and belts."""
+        self._take_what_was_written()
+        return self._motion.kinematics()
+
     def set_ground(self, ground: Ground) -> None:
-        """Put the vehicle on another ground of the same mode."""
+        """Put the vehicle on another ground.
+
+        Raises
+        ------
+        ConfigurationError
+            If its mode is another.
+        """
         self._motion.ground = ground
         self._model = replace(self._model, ground=ground)
 
@@ -213,14 +219,27 @@ class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
         super().clip_actions()
 
     def step(self, dt: float) -> None:
-        """Advance by ``dt`` s."""
+        """Advance by ``dt`` s.
+
+        Raises
+        ------
+        InvalidInputError
+            If the belts are commanded beyond the drive's reach.
+        OffMapError, SimulationDivergedError
+            If a tick cannot be solved; the vehicle stays where the last one left it.
+        """
         self._take_what_was_written()
         self.clip_actions()
         motion, longest = self._motion, self._model.tick
         ticks = max(1, math.ceil(dt / longest - _WHOLE))
         motion.tick = longest if abs(dt - ticks * longest) <= _WHOLE * dt else dt / ticks
-        motion.advance(self._belts or self._belts_of_action(dt), ticks)
-        x, y, heading, vx, _, _ = motion.pose_and_motion()
+        try:
+            motion.advance(self._belts or self._belts_of_action(dt), ticks)
+        except GrouserError:
+            x, y, heading, vx, *_ = motion.kinematics()
+            self._write(x, y, heading, vx)
+            raise
+        x, y, heading, vx, *_ = motion.kinematics()
         if self.impact is not None:
             x, y = x + float(self.impact[0]), y + float(self.impact[1])
             motion.state = replace(motion.state, x=x, y=y)
@@ -257,7 +276,7 @@ class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
             if ticks > 0:
                 motion.advance(command, ticks)
                 elapsed += ticks
-            x, y, heading, *_ = motion.pose_and_motion()
+            x, y, heading, *_ = motion.kinematics()
             positions.append(np.array([x, y]))
             headings.append(heading)
         return positions, headings
@@ -266,14 +285,14 @@ class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
     def velocity(self) -> FloatArray:
         """Of the CG in m/s, side-slip included."""
         self._take_what_was_written()
-        _, _, heading, vx, vy, _ = self._motion.pose_and_motion()
+        _, _, heading, vx, vy, *_ = self._motion.kinematics()
         cosine, sine = math.cos(heading), math.sin(heading)
         return np.array([cosine * vx - sine * vy, sine * vx + cosine * vy])
 
     @property
     def side_slip(self) -> float:
         """Angle from the body x axis to the velocity, in rad; 0 at rest."""
-        _, _, _, vx, vy, _ = self._motion.pose_and_motion()
+        _, _, _, vx, vy, *_ = self._motion.kinematics()
         return math.atan2(vy, vx)
 
     def to_dict(self, origin_vehicle: Any = None, observe_intentions: bool = True) -> dict[str, Any]:
@@ -316,12 +335,12 @@ class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
 
     @property
     def _ground_speed(self) -> float:
-        _, _, _, vx, vy, _ = self._motion.pose_and_motion()
+        _, _, _, vx, vy, *_ = self._motion.kinematics()
         return math.hypot(vx, vy)
 
     def _belts_of_action(self, dt: float) -> BeltCommand:
         """Return the belts that ask for highway-env's acceleration and steering over the next ``dt`` s."""
-        state, vehicle = self._motion.state, self._model.vehicle
+        state, vehicle = self._motion.kinematics(), self._model.vehicle
         mean = (state.v_left + state.v_right) / 2
         speed = accelerating_command(mean, float(self.action["acceleration"]), dt, vehicle.belt_time_constant)
         speed = min(self.MAX_SPEED, max(self.MIN_SPEED, speed))
@@ -353,69 +372,3 @@ class TrackedHighwayVehicle(_kinematics.Vehicle):  # type: ignore[misc]
             v_right=state.v_right + gain,
         )
         self._written = now
-
-
-@cache
-def _standard_model() -> MotionModel:
-    vehicle, ground = TrackedVehicle.preset("m113"), resolve_ground("asphalt")
-    return MotionModel(vehicle, make_backend("physics", mode=ground.mode, vehicle=vehicle), ground)
-
-
-def tracked_vehicle_class(
-    backend: str | ForceBackend = "physics",
-    vehicle: str | os.PathLike[str] | TrackedVehicle = "m113",
-    terrain: str | os.PathLike[str] | Ground = "asphalt",
-    *,
-    size: tuple[float, float] | None = None,
-    backend_options: Mapping[str, Any] | None = None,
-    tick: float = 0.01,
-    integrator: Integrator = "implicit",
-    ground_sampling: GroundSampling = "vehicle",
-    engine: Engine | None = None,
-) -> type[TrackedHighwayVehicle]:
-    """Return a class of tracked vehicles that highway-env can make by its own constructors.
-
-    Parameters
-    ----------
-    backend : str or ForceBackend
-        Name for :func:`grouser.terrain.make_backend`, or a backend.
-    vehicle : str, path-like or TrackedVehicle
-        Preset name, catalogue file or vehicle.
-    terrain : str, path-like or Ground
-        The ground of every vehicle of the class, a terrain field with patches included.
-    size : tuple of float, optional
-        Length and width in m; those of the machine where they are known, else of the rectangle around its tracks.
-    backend_options : mapping, optional
-        For :func:`grouser.terrain.make_backend`.
-    tick, integrator, ground_sampling, engine
-        As of :class:`MotionModel`; the tick is the longest that a step is divided into.
-
-    Raises
-    ------
-    ConfigurationError
-        If a name is unknown, or the parts do not fit together.
-    InvalidInputError
-        If a number is impossible.
-    """
-    machine, ground = resolve_vehicle(vehicle), resolve_ground(terrain)
-    model = MotionModel(
-        machine,
-        make_backend(backend, mode=ground.mode, vehicle=machine, **(backend_options or {})),
-        ground,
-        tick=tick,
-        integrator=integrator,
-        ground_sampling=ground_sampling,
-        engine=engine,
-    )
-    length, width = footprint_of(machine, size)
-
-    class Configured(TrackedHighwayVehicle):
-        """As configured."""
-
-        LENGTH, WIDTH = length, width
-
-        @classmethod
-        def default_model(cls) -> MotionModel:
-            return model
-
-    return Configured
