@@ -143,13 +143,10 @@ class EnvironmentSpec:
             arguments["vehicle"] = vehicle.name
         facts: dict[str, Any] = {"id": self.id, "arguments": arguments}
         if self.id.startswith(_NAMESPACE):
-            single = isinstance(inner, TrackedVehicleEnv)
-            # Of highway-env, ``vehicle`` is the one on the road.
-            driven = inner.vehicle if single else inner.tracked_vehicle
-            backend = inner.simulator.backend if single else inner.backend
+            backend = inner.simulator.backend if isinstance(inner, TrackedVehicleEnv) else inner.backend
             facts |= {
                 "settings": asdict(inner.config),
-                "vehicle": driven.to_dict(),
+                "vehicle": inner.vehicle.to_dict(),
                 "mode": backend.mode,
                 "backend": backend.describe(),
             }
