@@ -80,7 +80,7 @@ class EnvironmentSpec:
 
     def make(self, render_mode: str | None = None) -> gymnasium.Env[Any, Any]:
         """Return a single environment."""
-        return gymnasium.make(self.id, render_mode=render_mode, **self.arguments)
+        return gymnasium.make(self.id, render_mode=render_mode, disable_env_checker=True, **self.arguments)
 
     def make_batch(self, count: int, threads: int = 1) -> Batch[Any, Any] | None:
         """Return the compiled batch of this environment; None where the task, backend or ground has none."""

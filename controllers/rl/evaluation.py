@@ -23,7 +23,7 @@ _ERROR: Final = "_error"
 Progress = Callable[[int, int], None]
 
 
-class Actor(Protocol):
+class Agent(Protocol):
     """What can be judged: anything that acts on observations, of one environment or of many at once."""
 
     def act(self, observation: Any, /) -> NDArray[np.float32]:
@@ -131,7 +131,7 @@ class Evaluation:
 
 
 def evaluate(
-    policy: Actor,
+    policy: Agent,
     environment: EnvironmentSpec,
     *,
     episodes: int,
@@ -143,7 +143,7 @@ def evaluate(
 
     Parameters
     ----------
-    policy : Actor
+    policy : Agent
         A :class:`~grouser.controllers.rl.Policy`, or anything else with ``act``.
     environment : EnvironmentSpec
         Where it drives.
@@ -180,7 +180,7 @@ def evaluate(
     return Evaluation(tuple(found))
 
 
-def _batched(policy: Actor, environment: EnvironmentSpec, seeds: range, threads: int) -> list[EpisodeResult]:
+def _batched(policy: Agent, environment: EnvironmentSpec, seeds: range, threads: int) -> list[EpisodeResult]:
     """Drive one episode a seed in a compiled batch; who has ended sits out the others' steps."""
     count = len(seeds)
     batch = environment.make_batch(count, threads)
@@ -213,7 +213,7 @@ def _batched(policy: Actor, environment: EnvironmentSpec, seeds: range, threads:
     return [found[index] for index in range(count)]
 
 
-def _single(policy: Actor, environment: EnvironmentSpec, seeds: range) -> Iterator[EpisodeResult]:
+def _single(policy: Agent, environment: EnvironmentSpec, seeds: range) -> Iterator[EpisodeResult]:
     """Drive one episode a seed, one after the other."""
     made = environment.make()
     try:

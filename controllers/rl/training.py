@@ -176,10 +176,7 @@ def train_policy(
     if folder is not None:
         policy.save(folder / _POLICY)
     seconds = perf_counter() - began
-    learning = max(seconds - run.aside, 1e-9)
-    return TrainingResult(
-        policy, run.best, tuple(run.curve), model.num_timesteps, seconds, (model.num_timesteps - run.first) / learning
-    )
+    return TrainingResult(policy, run.best, tuple(run.curve), model.num_timesteps, seconds, run.steps_per_second)
 
 
 def _learn(model: BaseAlgorithm, recipe: Recipe, run: _Run, folder: FilePath | None) -> None:
@@ -202,8 +199,7 @@ def _learn(model: BaseAlgorithm, recipe: Recipe, run: _Run, folder: FilePath | N
         configure(None if folder is None else str(folder / _BOARD), [] if folder is None else ["tensorboard"])
     )
     left = recipe.n_timesteps - run.first
-    if left > 0:
-        model.learn(left, callback=BetweenRollouts(), reset_num_timesteps=run.first == 0, log_interval=10)
+    model.learn(left, callback=BetweenRollouts(), reset_num_timesteps=run.first == 0, log_interval=10)
     run.finish()
 
 
@@ -234,7 +230,8 @@ class _Run:
         self._evaluated = -1
         self.first = 0
         self.due: float = 0
-        self.aside = 0.0
+        self.steps_per_second = 0.0
+        self._aside = 0.0
         self.best: Policy | None = None
         self.curve: list[dict[str, Any]] = []
 
@@ -262,11 +259,12 @@ class _Run:
             if steps >= step:
                 action(steps)
         self._schedule(steps)
-        self.aside += perf_counter() - began
+        self._aside += perf_counter() - began
 
     def finish(self) -> None:
         """Judge the last policy, unless that was just done."""
         steps = self._model.num_timesteps
+        self.steps_per_second = self._rate(steps)
         if self._plan.eval_every and self._evaluated != steps:
             self._evaluate(steps)
         if self._progress is not None:
@@ -324,12 +322,15 @@ class _Run:
         self.policy().save(self._folder / _POLICIES / f"{steps:09d}.safetensors")
         self._begin_episodes()
 
+    def _rate(self, steps: int) -> float:
+        """Return steps a second of this call, without evaluations and checkpoints."""
+        return (steps - self.first) / max(perf_counter() - self._began - self._aside, 1e-9)
+
     def _report(self, steps: int) -> None:
         if self._progress is None:
             return
         total = self._plan.recipe.n_timesteps
-        rate = (steps - self.first) / max(perf_counter() - self._began, 1e-9)
-        note = f"{rate:.0f} steps/s"
+        note = f"{self._rate(steps):.0f} steps/s"
         episodes = self._model.ep_info_buffer
         if episodes:
             note += f", return {np.mean([episode['r'] for episode in episodes]):.2f}"

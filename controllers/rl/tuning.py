@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
@@ -50,7 +51,7 @@ def tune(plan: TrainingPlan, folder: FilePath, *, trials: int, progress: Progres
     """Train with other hyper-parameters again and again, and keep what leads to the highest mean return.
 
     Every trial is a whole training of the plan's steps, judged at the end over ``plan.eval_episodes`` episodes where the
-    plan says; a diverging one counts as failed. The study is a SQLite file in the folder: called again, the search goes
+    plan says; one that diverges is pruned. The study is a SQLite file in the folder: called again, the search goes
     on, until there are ``trials`` trials in all.
 
     Parameters
@@ -67,7 +68,7 @@ def tune(plan: TrainingPlan, folder: FilePath, *, trials: int, progress: Progres
     Raises
     ------
     ConfigurationError
-        If Optuna is not installed, or the study in the folder is of another plan.
+        If Optuna is not installed, the study in the folder is of another plan, or every trial diverged.
     InvalidInputError
         If there is no trial.
     """
@@ -92,15 +93,23 @@ def tune(plan: TrainingPlan, folder: FilePath, *, trials: int, progress: Progres
     def objective(trial: optuna.Trial) -> float:
         overrides = suggest(trial, plan.recipe)
         trial.set_user_attr("overrides", overrides)
-        result = train_policy(replace(every, recipe=plan.recipe.changed(overrides)))
+        try:
+            result = train_policy(replace(every, recipe=plan.recipe.changed(overrides)))
+        except (ConfigurationError, InvalidInputError):
+            raise
+        except ValueError as error:
+            # Of the library or of the policy: weights that are no numbers any more.
+            raise optuna.TrialPruned(str(error)) from error
         return float(result.curve[-1]["return_mean"])
 
     while (finished := _finished(study)) < trials:
         # A sampler begins anew with every call: the seed moves on with the trials, so that the search does too.
         study.sampler = optuna.samplers.TPESampler(seed=plan.seed + len(study.trials))
-        study.optimize(objective, n_trials=1, catch=(FloatingPointError,))
-        if progress is not None and _finished(study):
-            progress(finished + 1, trials, study.best_value)
+        study.optimize(objective, n_trials=1)
+        if progress is not None:
+            progress(finished + 1, trials, _best_value(study))
+    if math.isinf(_best_value(study)):
+        raise ConfigurationError(f"each of {_finished(study)} trials diverged: begin with another recipe")
     best = study.best_trial
     overrides = dict(best.user_attrs["overrides"])
     return TuningResult(plan.recipe.changed(overrides), overrides, study.best_value, _finished(study))
@@ -141,7 +150,15 @@ def suggest(trial: optuna.Trial, recipe: Recipe) -> dict[str, Any]:
 def _finished(study: optuna.Study) -> int:
     import optuna
 
-    return sum(trial.state is optuna.trial.TrialState.COMPLETE for trial in study.trials)
+    ended = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
+    return len(study.get_trials(deepcopy=False, states=ended))
+
+
+def _best_value(study: optuna.Study) -> float:
+    import optuna
+
+    done = study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE,))
+    return max((trial.value for trial in done if trial.value is not None), default=-math.inf)
 
 
 def _claim(study: optuna.Study, plan: TrainingPlan, folder: FilePath) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path as FilePath
 from typing import Any, Final
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...terrain import ConfigurationError, InvalidInputError, missing_extra
 from .environment import EnvironmentSpec
-from .evaluation import Actor
+from .evaluation import Agent
 
 _SUFFIXES: Final = (".mp4",)
 # H.264 takes heights and widths that this divides.
@@ -21,7 +21,7 @@ _BLOCK: Final = 2
 
 
 def film(
-    policy: Actor,
+    policy: Agent,
     environment: EnvironmentSpec,
     target: FilePath,
     *,
@@ -33,7 +33,7 @@ def film(
 
     Parameters
     ----------
-    policy : Actor
+    policy : Agent
         That drives, without exploration.
     environment : EnvironmentSpec
         Where it drives; its frames are those of ``render_mode="rgb_array"``, one a control period.
@@ -62,11 +62,10 @@ def film(
         raise missing_extra("imageio[ffmpeg]", "render") from error
     made = environment.make(render_mode="rgb_array")
     target.parent.mkdir(parents=True, exist_ok=True)
-    # The encoder takes the container from the suffix, so that what is written aside has it too.
-    handle, aside = tempfile.mkstemp(suffix=target.suffix, prefix=f".{target.stem}.", dir=target.parent)
-    os.close(handle)
     count = 0
-    try:
+    with tempfile.TemporaryDirectory(prefix=".film-", dir=target.parent) as folder, closing(made):
+        # Under its own name: the encoder takes the container from the suffix.
+        aside = FilePath(folder) / target.name
         writer = imageio.v2.get_writer(
             aside, fps=made.metadata["render_fps"], macro_block_size=_BLOCK, ffmpeg_log_level="error"
         )
@@ -77,14 +76,11 @@ def film(
                     count += 1
                     if progress is not None:
                         progress(count)
-        FilePath(aside).replace(target)
-    finally:
-        made.close()
-        FilePath(aside).unlink(missing_ok=True)
+        aside.replace(target)
     return count
 
 
-def _frames(policy: Actor, environment: Any, seed: int) -> Iterator[NDArray[np.uint8]]:
+def _frames(policy: Agent, environment: Any, seed: int) -> Iterator[NDArray[np.uint8]]:
     observation, _ = environment.reset(seed=seed)
     done = False
     while True:

@@ -2,11 +2,13 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
+from grouser.cli.rl._options import Algorithm
 from grouser.controllers import load_policy
+from grouser.controllers.rl import ALGORITHMS
 
 SHORT = (
     *("--steps", 128, "--envs", 2, "-p", "n_steps=32", "-p", "batch_size=64", "-p", "n_epochs=1"),
@@ -136,3 +138,8 @@ def test_what_is_wrong_is_named_before_training(call: Any, tmp_path: Path, argum
     refused = call("rl", "train", *arguments, "-o", tmp_path / "run", code=2)
     assert message in refused.err
     assert not (tmp_path / "run").exists()
+
+
+def test_every_algorithm_can_be_asked_for() -> None:
+    typed = get_args(get_args(Algorithm)[0])
+    assert set(typed) == set(ALGORITHMS)

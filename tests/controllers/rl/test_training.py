@@ -135,7 +135,7 @@ def test_a_trained_policy_drives_a_bare_simulator(trained: Any) -> None:
     assert np.abs(log.commands).max() <= vehicle.training_speed
 
 
-@pytest.mark.parametrize("recipe", [PPO, SAC], ids=["ppo", "sac"])
+@pytest.mark.parametrize("recipe", [PPO, SAC, replace(SAC, algorithm="tqc")], ids=["ppo", "sac", "tqc"])
 def test_the_library_and_the_actor_agree_after_training(recipe: Recipe) -> None:
     policy = train_policy(replace(PLAN, recipe=recipe.changed({"n_timesteps": 128}))).policy
     rows = np.random.default_rng(0).uniform(-3.0, 3.0, (300, 19)).astype(np.float32)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from grouser.controllers import Recipe, TrainingPlan
-from grouser.controllers.rl import tune
+from grouser.controllers.rl import tune, tuning
 from grouser.controllers.rl.tuning import suggest
 from grouser.terrain import ConfigurationError, InvalidInputError
 
@@ -51,3 +51,16 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: 
     monkeypatch.setitem(sys.modules, "optuna", None)
     with pytest.raises(ConfigurationError, match=r"grouser\[tune\]"):
         tune(PLAN, tmp_path, trials=1)
+
+
+def test_trials_that_diverge_are_passed_over_and_said_of_a_search_of_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("optuna")
+
+    def diverge(*args: Any, **kwargs: Any) -> Any:
+        raise ValueError("Expected parameter loc to satisfy the constraint Real()")
+
+    monkeypatch.setattr(tuning, "train_policy", diverge)
+    with pytest.raises(ConfigurationError, match="each of 2 trials diverged"):
+        tune(PLAN, tmp_path, trials=2)
