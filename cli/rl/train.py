@@ -59,10 +59,11 @@ def train(
 ) -> None:
     """Train a policy: ENV is learned on one backend, and judged on another while it is.
 
-    A recipe says everything that is not typed: `grouser rl recipes` lists those that are shipped, -p sets a key. The folder gets policy.safetensors (the last), best.safetensors (the best judged), policies/ (one a
-    checkpoint), evaluations.jsonl (the curve), run.json, and tensorboard/. Weights do not depend on --threads; equal
-    arguments give equal weights. Interrupted, the same command with --resume ends at the same weights; environments
-    start anew at every checkpoint for that, whether interrupted or not.
+    A recipe says everything that is not typed: `grouser rl recipes` lists those that are shipped, -p sets a key. The
+    folder gets policy.safetensors (the last), best.safetensors (the best judged), policies/ (one a checkpoint),
+    evaluations.jsonl (the curve), run.json, and tensorboard/. Weights do not depend on --threads; equal arguments give
+    equal weights. Interrupted, the same command with --resume ends at the same weights; environments start anew at
+    every checkpoint for that, whether interrupted or not.
     """
     from ...controllers import TrainingPlan, train_policy
 

@@ -5,10 +5,12 @@ from .driver import PolicyDriver
 from .environment import EnvironmentSpec, environment_id, environment_ids, short_name
 from .evaluation import EpisodeResult, Evaluation, evaluate
 from .normalizer import ObservationNormalizer
+from .plan import TrainingPlan
 from .policy import Policy, load_policy
 from .recipe import Recipe, read_value, recipe_text, shipped_recipes
 from .recording import record_dataset
-from .training import TrainingPlan, TrainingResult, read_curve, train_policy
+from .run_folder import read_curve
+from .training import TrainingResult, train_policy
 from .tuning import TuningResult, tune
 from .video import film
 

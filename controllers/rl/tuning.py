@@ -10,8 +10,9 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final
 
 from ...terrain import ConfigurationError, InvalidInputError, missing_extra
+from .plan import TrainingPlan
 from .recipe import Recipe
-from .training import TrainingPlan, train_policy
+from .training import train_policy
 
 if TYPE_CHECKING:
     import optuna
@@ -50,8 +51,8 @@ class TuningResult:
 def tune(plan: TrainingPlan, folder: FilePath, *, trials: int, progress: Progress | None = None) -> TuningResult:
     """Train with other hyper-parameters again and again, and keep what leads to the highest mean return.
 
-    Every trial is a whole training of the plan's steps, judged at the end over ``plan.eval_episodes`` episodes where the
-    plan says; one that diverges is pruned. The study is a SQLite file in the folder: called again, the search goes
+    Every trial is a whole training of the plan's steps, judged at the end over ``plan.eval_episodes`` episodes where
+    the plan says; one that diverges is pruned. The study is a SQLite file in the folder: called again, the search goes
     on, until there are ``trials`` trials in all.
 
     Parameters

@@ -1,4 +1,4 @@
-"""A tiny training: repeatable, resumed to the same weights, judged on the way, without side effects on torch's threads."""
+"""A tiny training: repeatable, resumed to the same weights, judged on the way, torch's threads left as they were."""
 
 from __future__ import annotations
 
@@ -161,6 +161,7 @@ def test_an_interrupted_training_ends_at_the_same_weights(recipe: Recipe, tmp_pa
         recipe, PLACE, seed=5, checkpoint_every=third, eval_every=third, eval_episodes=2, eval_environment=PLACE
     )
     whole = train_policy(plan, tmp_path / "whole")
+    assert weights(train_policy(plan).policy) == weights(whole.policy)
     interrupted(plan, tmp_path / "parts", after=2 * third)
     steps = read_checkpoint(tmp_path / "parts" / "checkpoint.safetensors")[1]["steps"]
     assert 0 < steps < whole.steps
