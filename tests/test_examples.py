@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 # What an example needs beside the extras of ``all``, by the names of the modules.
 NEEDS = {"rllib": ("ray", "lz4", "tree", "ormsgpack", "scipy"), "behaviour_cloning": ("minari", "torch")}
+SLOW = ("rllib",)
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 PAGES = tuple(
     ROOT / page
@@ -34,7 +35,9 @@ def run(*arguments: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "example", [pytest.param(e, id=e.stem, marks=[pytest.mark.slow] * (e.stem in SLOW)) for e in EXAMPLES]
+)
 def test_an_example_runs(example: Path) -> None:
     for module in NEEDS.get(example.stem, ()):
         pytest.importorskip(module)
