@@ -73,10 +73,12 @@ def drive(environment: PathTrackingEnv, act: Callable[[np.ndarray], np.ndarray],
 def pursue(environment: PathTrackingEnv, pursuit: Pursuit, seeds: Sequence[int]) -> Drives:
     """Drive whole episodes by pure pursuit, at the speed at which progress earns most.
 
+    Its belt speeds are handed over as the environment's actions, so that every driver pays for the same action changes.
+
     Parameters
     ----------
     environment : PathTrackingEnv
-        Whose actions are belt speeds.
+        Of either action mode.
     pursuit : Pursuit
         The settings.
     seeds : sequence of int
@@ -85,14 +87,18 @@ def pursue(environment: PathTrackingEnv, pursuit: Pursuit, seeds: Sequence[int])
     driver = PurePursuit(
         environment.path, environment.vehicle, environment.reference_speed, slip=pursuit.slip, config=pursuit.config
     )
-    limit = environment.vehicle.training_speed
+    limit, tread, config = environment.vehicle.training_speed, environment.vehicle.tread, environment.config
     found: list[Drives] = []
     for seed in seeds:
         driver.reset()
 
         def act(_: Any) -> np.ndarray:
             command = driver.command(environment.simulator.get_state())
-            return np.clip(np.array([command.left, command.right]) / limit, -1, 1).astype(np.float32)
+            action = np.array([command.left, command.right]) / limit
+            if config.action_mode == "twist":
+                yaw_rate = (command.right - command.left) / tread
+                action = np.array([action.mean(), yaw_rate / config.yaw_rate_scale])
+            return np.clip(action, -1, 1).astype(np.float32)
 
         found.append(drive(environment, act, [seed]))
     return Drives(
