@@ -15,24 +15,21 @@ from ..terrain import (
     FloatArray,
     Ground,
     Mode,
-    PhysicsBackend,
     SlopedGround,
     TrackedVehicle,
     interface,
     resolve_ground,
     resolve_vehicle,
 )
-from .footing import sample_ground, track_forces_on
+from .footing import sample_ground
 from .observation import Observation, compose_observation, observation_size
 from .path import Path
 from .randomization import DRAWN_VEHICLE_NAMES, Randomizer, Surroundings
 from .rollout import whole_ratio
 from .simulator import TickRecord
+from .slip_power import slip_power, slip_power_block
 from .state import VehicleState
 from .task_config import RandomizedTaskConfig, changed_config
-
-# Cells of the block that the slip power is taken from, whatever the backend: a plain network has no track forces.
-_SLIP_POWER_CELLS: Final = (2, 1)
 
 #: Terms of the reward that every task has, after its own.
 SHARED_TERMS: Final = ("action_change", "slip_power")
@@ -101,7 +98,7 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         self.ticks: Final = whole_ratio(config.control_period, config.tick, "control_period and tick")
         self.steps: Final = whole_ratio(config.time_limit, config.control_period, "time_limit and control_period")
         self.observation_size: Final = observation_size(self.mode, config)
-        self.slip_block: Final = PhysicsBackend(self.vehicle, self.mode, cells=_SLIP_POWER_CELLS)
+        self.slip_block: Final = slip_power_block(self.vehicle, self.mode)
 
     @property
     @abstractmethod
@@ -256,11 +253,5 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         change = action - previous
         return (
             -self.config.action_change_weight * float(change @ change),
-            -self.config.slip_power_weight * self._slip_power(record) / self.slip_power_scale,
+            -self.config.slip_power_weight * slip_power(self.slip_block, record) / self.slip_power_scale,
         )
-
-    def _slip_power(self, record: TickRecord) -> float:
-        """Return VtL F_L + VtR F_R − (Qx Vx + Qy Vy + Mz ω) of the shear forces, in W."""
-        tracks = track_forces_on(record.footing, self.slip_block, record.row, rolling=False)
-        belt_power = float(record.row[5:7] @ tracks[:, 0])
-        return belt_power - float(record.row[:3] @ tracks.sum(axis=0))

@@ -322,12 +322,13 @@ def force_info(backend: ForceBackend, record: TickRecord) -> dict[str, Any]:
             "track_forces": track_forces_on(record.footing, backend, record.row),
             "sprocket_power": float(record.row[5:7] @ shear[:, 0]),
         }
-    if isinstance(backend, GuardedBackend) and record.detection is not None:
-        guard = record.state.guard
-        active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback
-        info |= {
-            "backend": active.name,
-            "ood_score": record.detection.score,
-            "fallback_weight": guard.fallback_weight,
-        }
-    return info
+    return info | guard_info(backend, record)
+
+
+def guard_info(backend: ForceBackend, record: TickRecord) -> dict[str, Any]:
+    """Return what ``info`` tells of the guard in the last tick, where there is one."""
+    if not isinstance(backend, GuardedBackend) or record.detection is None:
+        return {}
+    guard = record.state.guard
+    active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback
+    return {"backend": active.name, "ood_score": record.detection.score, "fallback_weight": guard.fallback_weight}

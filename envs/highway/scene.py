@@ -19,13 +19,12 @@ from ...terrain import (
     ForceBackend,
     Ground,
     GuardedBackend,
-    GuardMode,
     InvalidInputError,
     OffMapError,
-    PhysicsBackend,
     SimulationDivergedError,
     SlopedGround,
     TrackedVehicle,
+    interface,
     make_backend,
     parameter_ranges,
     resolve_ground,
@@ -34,13 +33,13 @@ from ...terrain import (
     unknown_name,
 )
 from ...terrain.parameters import require_in
-from ..footing import sample_ground, track_forces_on
-from ..observation import OBSERVATION_BOUND
+from ..footing import sample_ground
+from ..observation import OBSERVATION_BOUND, belt_command, terrain_sight, terrain_size
 from ..rendering import RENDER_MODES, RenderMode
 from ..rollout import whole_ratio
-from ..state import BeltCommand, VehicleState
-from ..tracked_env import Engine
-from .commands import twist_belts
+from ..slip_power import slip_power, slip_power_block
+from ..state import VehicleState
+from ..tracked_env import Engine, guard_info
 from .dependency import import_highway_env
 from .footprint import Footprint
 from .kinematics import Kinematics
@@ -50,9 +49,6 @@ from .scene_renderer import SceneRenderer
 from .vehicle import TrackedHighwayVehicle
 
 _roads = import_highway_env("road.road")
-
-# Cells of the block that the slip power is taken from, whatever the backend: a plain network has no track forces.
-_SLIP_POWER_CELLS: Final = (2, 1)
 
 ConfigT = TypeVar("ConfigT", bound=SceneConfig)
 ObservationT = TypeVar("ObservationT")
@@ -119,7 +115,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
             ground_sampling=config.ground_sampling,
             engine=engine,
         )
-        self._slip_block = PhysicsBackend(self.vehicle, self._ground.mode, cells=_SLIP_POWER_CELLS)
+        self._slip_block = slip_power_block(self.vehicle, self._ground.mode)
         self.render_mode = render_mode
         # Gymnasium widens render_mode to any string.
         self._draw_mode = render_mode
@@ -129,7 +125,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         self._action: FloatArray = np.zeros(2)
         self._steps = 0
         self._vehicle: TrackedHighwayVehicle | None = None
-        self._theta: FloatArray | None = None
+        self._theta: FloatArray = np.zeros(len(interface(self._ground.mode).parameter_names))
         self._renderer: SceneRenderer | None = None
         self._succeeded = False
 
@@ -196,13 +192,6 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         if self.render_mode == "human":
             self.render()
 
-    def _command(self, action: FloatArray) -> BeltCommand:
-        limit = self.top_speed
-        if self.config.action_mode == "belts":
-            return BeltCommand(limit * float(action[0]), limit * float(action[1]))
-        yaw_rate = self.config.yaw_rate_scale * float(action[1])
-        return twist_belts(limit * float(action[0]), yaw_rate, tread=self.vehicle.tread, limit=limit)
-
     def _advance(self, action: NDArray[Any]) -> tuple[FloatArray, dict[str, Any]]:
         """Hold an action for one control period, or until the vehicle collides or is lost.
 
@@ -217,7 +206,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         if given.shape != (2,) or not np.all(np.abs(given) <= 1.0):
             raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
         vehicle, road = self.highway_vehicle, self.road
-        vehicle.act(self._command(given))
+        vehicle.act(belt_command(given, self.vehicle, self.config, top_speed=self.top_speed))
         lost: dict[str, Any] = {}
         try:
             for _ in range(self._substeps):
@@ -235,30 +224,20 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
     def _control_costs(self, action: FloatArray, info: Mapping[str, Any]) -> tuple[float, float]:
         """Return the reward's terms of action change and slip power, and remember the action."""
         change, self._action = action - self._action, action
-        slip_power = 0.0
+        lost_share = 0.0
         if self.config.slip_power_weight and not is_lost(info):
-            slip_power = self._slip_power() / (self.vehicle.weight * self.top_speed)
+            power = slip_power(self._slip_block, self.highway_vehicle.motion.last_tick())
+            lost_share = power / (self.vehicle.weight * self.top_speed)
         return (
             -self.config.action_change_weight * float(change @ change),
-            -self.config.slip_power_weight * slip_power,
+            -self.config.slip_power_weight * lost_share,
         )
-
-    def _slip_power(self) -> float:
-        """Return belt power less the power that reaches the body, of the last tick's shear forces, in W."""
-        record = self.highway_vehicle.motion.last_tick()
-        tracks = track_forces_on(record.footing, self._slip_block, record.row, rolling=False)
-        return float(record.row[5:7] @ tracks[:, 0]) - float(record.row[:3] @ tracks.sum(axis=0))
 
     def _guard_info(self) -> dict[str, Any]:
         """Return what the guard of a guarded backend did in the last tick."""
-        backend = self.backend
-        if not isinstance(backend, GuardedBackend):
+        if not isinstance(self.backend, GuardedBackend):
             return {}
-        record = self.highway_vehicle.motion.last_tick()
-        guard = record.state.guard
-        active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback
-        score = record.detection.score if record.detection is not None else 0.0
-        return {"backend": active.name, "ood_score": score, "fallback_weight": guard.fallback_weight}
+        return guard_info(self.backend, self.highway_vehicle.motion.last_tick())
 
     def _motion_parts(self, state: Kinematics) -> list[float]:
         """Return velocity, yaw rate, belts and previous action, scaled."""
@@ -279,14 +258,12 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         # Off the map the vehicle sees what it saw last.
         with contextlib.suppress(OffMapError):
             self._theta = self.ground.parameters_at(state.x, state.y)
-        ranges = parameter_ranges("wide", self._ground.mode)
-        low, high = np.array(ranges.low), np.array(ranges.high)
-        scaled: list[float] = (2 * ((low if self._theta is None else self._theta) - low) / (high - low) - 1).tolist()
-        return scaled
+        shown: list[float] = terrain_sight(self._ground.mode, self._theta).tolist()
+        return shown
 
     @property
     def _terrain_size(self) -> int:
-        return len(parameter_ranges("wide", self._ground.mode).low) if self.config.observe_terrain else 0
+        return terrain_size(self._ground.mode, self.config)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Show the scene from above: an image (height, width, 3), or a window."""
