@@ -6,6 +6,7 @@ import contextlib
 import os
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, Final, Generic, TypeVar
 
 import gymnasium
@@ -14,7 +15,6 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from ...terrain import (
-    ConfigurationError,
     FloatArray,
     ForceBackend,
     Ground,
@@ -26,9 +26,7 @@ from ...terrain import (
     TrackedVehicle,
     interface,
     make_backend,
-    parameter_ranges,
     resolve_ground,
-    resolve_terrain,
     resolve_vehicle,
     unknown_name,
 )
@@ -39,7 +37,9 @@ from ..rendering import RENDER_MODES, RenderMode
 from ..rollout import whole_ratio
 from ..slip_power import slip_power, slip_power_block
 from ..state import VehicleState
-from ..tracked_env import Engine, guard_info
+from ..surroundings import Randomizer, Surroundings
+from ..task_config import changed_config
+from ..tracked_env import Engine, drawn_info, guard_info
 from .dependency import import_highway_env
 from .footprint import Footprint
 from .kinematics import Kinematics
@@ -96,7 +96,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise unknown_name("render mode", render_mode, RENDER_MODES)
-        self.config: Final[ConfigT] = config
+        self.config: ConfigT = config
         self.vehicle: Final = resolve_vehicle(vehicle)
         training_speed = self.vehicle.training_speed
         self.top_speed: Final = config.top_speed or min(usual_speed or training_speed, training_speed)
@@ -104,8 +104,8 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         self._substeps = whole_ratio(config.control_period, config.scene_period, "control_period and scene_period")
         whole_ratio(config.scene_period, config.tick, "scene_period and tick")
         self._most_steps = whole_ratio(config.time_limit, config.control_period, "time_limit and control_period")
-        self._terrains = tuple(resolve_terrain(name) for name in config.terrains)
-        self._ground = self._terrains[0] if self._terrains else resolve_ground(terrain)
+        self._ground = self._prepare_ground(terrain)
+        self._randomizer = self._make_randomizer(config)
         self._model = MotionModel(
             self.vehicle,
             make_backend(backend, mode=self._ground.mode, vehicle=self.vehicle, **(backend_options or {})),
@@ -151,35 +151,59 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         """What answers for the ground."""
         return self._model.backend
 
-    def _draw_ground(self) -> Ground:
-        """Draw the ground of an episode; as many numbers are drawn whatever the settings."""
-        share = self.np_random.random()
-        mode = self._ground.mode
-        sampled = parameter_ranges(self.config.terrain_range or "wide", mode).sample(self.np_random)
-        if self.config.terrain_range is not None:
-            return sampled
-        if self._terrains:
-            return self._terrains[int(share * len(self._terrains))]
-        return self._ground
+    def reconfigure(self, **settings: Any) -> None:
+        """Change settings of starts, course and randomization, from the next reset on.
 
-    def _require_mode(self, ground: Ground) -> None:
-        if ground.mode != self._ground.mode:
-            raise ConfigurationError(f"the task is on {self._ground.mode} ground, got {ground.mode}")
+        Parameters
+        ----------
+        **settings
+            Those that ``changeable`` of the configuration names.
 
-    def _begin(self, network: Any, objects: list[Any], state: VehicleState, ground: Ground) -> None:
+        Raises
+        ------
+        ConfigurationError
+            If a key is unknown, or its setting holds for the life of an environment; nothing has changed then.
+        InvalidInputError
+            If a value is impossible; nothing has changed then.
+        """
+        config = changed_config(self.config, settings)
+        self._randomizer = self._make_randomizer(config)
+        self.config = config
+
+    def _prepare_ground(self, terrain: str | os.PathLike[str] | Ground) -> Ground:
+        """Return a ground as the scene takes it, still on the level."""
+        return resolve_ground(terrain)
+
+    def _make_randomizer(self, config: ConfigT) -> Randomizer:
+        return Randomizer(config.randomize, self._ground, self.vehicle, self._prepare_ground)
+
+    def _draw_surroundings(self, options: Mapping[str, Any]) -> Surroundings:
+        """Draw ground and vehicle of an episode, after everything else that its start draws.
+
+        Raises
+        ------
+        ConfigurationError
+            If the reset option ``terrain`` does not fit the scene.
+        """
+        ground = self._prepare_ground(options["terrain"]) if "terrain" in options else None
+        return self._randomizer.draw(self.np_random, ground)
+
+    def _drawn_info(self, surroundings: Surroundings, state: VehicleState) -> dict[str, Any]:
+        """Return what ``info`` tells of what an episode drew, where anything is randomized."""
+        return drawn_info(self._ground.mode, self._randomizer.drawn(surroundings, state.x, state.y))
+
+    def _begin(self, network: Any, objects: list[Any], state: VehicleState, surroundings: Surroundings) -> None:
         """Put the vehicle on a road."""
-        self._require_mode(ground)
+        ground, machine = surroundings
         grade, bank = self.config.grade, self.config.bank
         if grade or bank:
             ground = SlopedGround(ground, grade, bank)
         sampling = self.config.ground_sampling
         # A start off the map is refused here, before anything has changed.
-        sample_ground(ground, self.vehicle, sampling, x=state.x, y=state.y, heading=state.heading)
+        sample_ground(ground, machine, sampling, x=state.x, y=state.y, heading=state.heading)
         road = _roads.Road(network=network, np_random=self.np_random, road_objects=objects)
-        vehicle = TrackedHighwayVehicle(
-            road, [state.x, state.y], state.heading, model=self._model, size=self.config.size
-        )
-        vehicle.set_ground(ground)
+        model = replace(self._model, vehicle=machine, ground=ground)
+        vehicle = TrackedHighwayVehicle(road, [state.x, state.y], state.heading, model=model, size=self.config.size)
         vehicle.state = state
         vehicle.motion.watched = bool(self.config.slip_power_weight) or isinstance(self.backend, GuardedBackend)
         road.vehicles.append(vehicle)
