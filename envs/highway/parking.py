@@ -123,7 +123,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
     """
 
     # The panel stands above the lot.
-    _view = (62.5, (0.0, 5.6))
+    _view = (66.0, (0.0, 7.5))
 
     def __init__(
         self,
