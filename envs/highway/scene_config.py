@@ -19,8 +19,7 @@ class SceneConfig(RandomizedTaskConfig):
     top_speed : float or None
         Belt speed of a full action, in m/s; the task's own by default.
     size : tuple of float, optional
-        Length and width of the vehicle in m; those of the machine where they are known, else of the rectangle around
-        its tracks.
+        Length and width of the vehicle in m; those of its hull, else of the rectangle around its tracks.
     collision_weight : float
         What a collision costs, and breaking off.
 
