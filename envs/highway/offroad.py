@@ -27,7 +27,6 @@ from ..observation import LOOK_AHEAD_TIMES
 from ..path import Path, Projection
 from ..rendering import RenderMode
 from ..state import VehicleState
-from ..task_config import changed_config
 from ..tracked_env import Engine
 from .course import Course, course_network, course_obstacles, draw_course, paint_course
 from .obstacles import OBSTACLE_PARTS, nearest_obstacles, obstacle_table
@@ -188,24 +187,9 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         info = self._measures() | {"crashed": False, "steps": 0, "is_success": False}
         return self._observe(), info | self._drawn_info(surroundings, state)
 
-    def reconfigure(self, **settings: Any) -> None:
-        """Change settings of starts, course and randomization, from the next reset on.
-
-        Parameters
-        ----------
-        **settings
-            Those that ``changeable`` of :class:`OffRoadConfig` names.
-
-        Raises
-        ------
-        ConfigurationError
-            If a key is unknown, its setting holds for the life of an environment, or patches are of another mode;
-            nothing has changed then.
-        InvalidInputError
-            If a value is impossible; nothing has changed then.
-        """
-        patch_grounds = changed_config(self.config, settings).patch_grounds(self._ground.mode)
-        super().reconfigure(**settings)
+    def _take_on(self, config: OffRoadConfig) -> None:
+        patch_grounds = config.patch_grounds(self._ground.mode)
+        super()._take_on(config)
         self._patch_grounds = patch_grounds
 
     def _prepare_ground(self, terrain: str | os.PathLike[str] | Ground) -> Terrain:

@@ -187,29 +187,6 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         drawn_numbers = self._drawn_info(surroundings, state)
         return observation, self._goal_info(observation, failed=False) | {"crashed": False, "steps": 0} | drawn_numbers
 
-    def reconfigure(self, **settings: Any) -> None:
-        """Change settings of starts, lot, tolerances and randomization, from the next reset on.
-
-        Parameters
-        ----------
-        **settings
-            Those that ``changeable`` of :class:`ParkingConfig` names.
-
-        Raises
-        ------
-        ConfigurationError
-            If a key is unknown, or its setting holds for the life of an environment; nothing has changed then.
-        InvalidInputError
-            If a value is impossible; nothing has changed then.
-        """
-        parked = settings.get("parked_vehicles", self.config.parked_vehicles)
-        if bool(parked) != bool(self.config.parked_vehicles):
-            raise ConfigurationError(
-                f"parked_vehicles cannot change from {self.config.parked_vehicles} to {parked}: observations that show "
-                "obstacles and observations without any have other sizes; make another environment"
-            )
-        super().reconfigure(**settings)
-
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action for one control period, or until the vehicle collides.
 
@@ -287,6 +264,15 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         late = np.array([each["steps"] >= self._most_steps for each in infos])
         truncated = late & ~np.atleast_1d(self.compute_terminated(achieved_goal, desired_goal, info))
         return truncated if np.ndim(achieved_goal) == 2 else bool(truncated[0])
+
+    def _take_on(self, config: ParkingConfig) -> None:
+        before, after = self.config.parked_vehicles, config.parked_vehicles
+        if bool(before) != bool(after):
+            raise ConfigurationError(
+                f"parked_vehicles cannot change from {before} to {after}: observations that show obstacles and those "
+                "without any have other sizes; make another environment"
+            )
+        super()._take_on(config)
 
     def _goal_reward(self, achieved: FloatArray, desired: FloatArray) -> FloatArray:
         return goal_reward(achieved, desired, self.config.reward_weights, self.config.reward_exponent)

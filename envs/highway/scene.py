@@ -152,7 +152,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         return self._model.backend
 
     def reconfigure(self, **settings: Any) -> None:
-        """Change settings of starts, course and randomization, from the next reset on.
+        """Change settings of how episodes begin, of the scene and of randomization, from the next reset on.
 
         Parameters
         ----------
@@ -162,11 +162,15 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         Raises
         ------
         ConfigurationError
-            If a key is unknown, or its setting holds for the life of an environment; nothing has changed then.
+            If a key is unknown, its setting holds for the life of an environment, or a value does not fit the scene as it
+            was made; nothing has changed then.
         InvalidInputError
             If a value is impossible; nothing has changed then.
         """
-        config = changed_config(self.config, settings)
+        self._take_on(changed_config(self.config, settings))
+
+    def _take_on(self, config: ConfigT) -> None:
+        """Take changed settings on, or refuse them and change nothing."""
         self._randomizer = self._make_randomizer(config)
         self.config = config
 
