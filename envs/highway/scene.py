@@ -252,13 +252,13 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
     def _control_costs(self, action: FloatArray, info: Mapping[str, Any]) -> tuple[float, float]:
         """Return the reward's terms of action change and slip power, and remember the action."""
         change, self._action = action - self._action, action
-        lost_share = 0.0
+        slip_share = 0.0
         if self.config.slip_power_weight and not is_lost(info):
             power = slip_power(self._slip_block, self.highway_vehicle.motion.last_tick())
-            lost_share = power / (self.vehicle.weight * self.top_speed)
+            slip_share = power / (self.vehicle.weight * self.top_speed)
         return (
             -self.config.action_change_weight * float(change @ change),
-            -self.config.slip_power_weight * lost_share,
+            -self.config.slip_power_weight * slip_share,
         )
 
     def _guard_info(self) -> dict[str, Any]:
