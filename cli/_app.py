@@ -35,6 +35,7 @@ _DISK_FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 _KEPT: Final = {
     "data": "finished runs are kept; the same command goes on from there",
     "train": "finished epochs are kept; the same command goes on from the last one and ends at the same weights",
+    "rl": "checkpoints and trials are kept; rl train goes on with --resume, rl tune with the same command",
     "demo": "finished runs, epochs, surrogates and policies are kept; the same command goes on from there",
 }
 

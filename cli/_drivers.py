@@ -41,14 +41,13 @@ def driver_factory(
     ConfigurationError
         If the controller is unknown, or the policy is for another vehicle or ground.
     """
-    from ..controllers import MPCConfig, PathTrackingMPC, PolicyDriver, PurePursuit, TrackingPolicy, identify_slip
+    from ..controllers import MPCConfig, PathTrackingMPC, PolicyDriver, PurePursuit, identify_slip, load_policy
 
     if controller.endswith(_POLICY_SUFFIX):
-        policy = TrackingPolicy.load(FilePath(controller)).require(ground.mode)
-        if policy.vehicle != vehicle:
-            raise ConfigurationError(
-                f"{controller} drives {policy.vehicle.name}, asked for {vehicle.name}: pass --vehicle"
-            )
+        policy = load_policy(controller)
+        trained = PolicyDriver(policy, path, ground).vehicle
+        if trained != vehicle:
+            raise ConfigurationError(f"{controller} drives {trained.name}, asked for {vehicle.name}: pass --vehicle")
         return FilePath(controller).stem, lambda: PolicyDriver(policy, path, ground)
     if controller not in CONTROLLERS:
         raise unknown_name("controller", controller, (*CONTROLLERS, f"POLICY{_POLICY_SUFFIX}"))

@@ -57,5 +57,7 @@ def quick_config(seed: int) -> DemoConfig:
         samples_per_run=100,
         time_limit=20.0,
         training=replace(config.training, hidden=(32, 32), epochs=2, batch_size=256),
-        policy=replace(config.policy, steps=512, environments=2, rollout_steps=128, batch_size=128, epochs=2),
+        policy=config.policy.changed(
+            {"n_timesteps": 512, "n_envs": 2, "n_steps": 128, "batch_size": 128, "n_epochs": 2}
+        ),
     )

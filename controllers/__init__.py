@@ -4,9 +4,19 @@ from .comparison import ComparisonRow, Drive, Scenario, compare, document, witho
 from .mpc import PathTrackingMPC, SolveRecord
 from .mpc_config import FAILURE_ACTIONS, SOLVERS, MPCConfig
 from .mpc_problem import Solution, Solver
-from .policy import PolicyDriver, TrackingPolicy
 from .pure_pursuit import PurePursuit, PurePursuitConfig
-from .reinforcement import PPOConfig, train_policy
+from .rl import (
+    EnvironmentSpec,
+    Evaluation,
+    Policy,
+    PolicyDriver,
+    Recipe,
+    TrainingPlan,
+    TrainingResult,
+    evaluate,
+    load_policy,
+    train_policy,
+)
 from .slip_model import PredictionModel, SlipParameters, identify_slip
 from .speed_profile import SpeedProfile
 
@@ -15,23 +25,29 @@ __all__ = [
     "SOLVERS",
     "ComparisonRow",
     "Drive",
+    "EnvironmentSpec",
+    "Evaluation",
     "MPCConfig",
-    "PPOConfig",
     "PathTrackingMPC",
+    "Policy",
     "PolicyDriver",
     "PredictionModel",
     "PurePursuit",
     "PurePursuitConfig",
+    "Recipe",
     "Scenario",
     "SlipParameters",
     "Solution",
     "SolveRecord",
     "Solver",
     "SpeedProfile",
-    "TrackingPolicy",
+    "TrainingPlan",
+    "TrainingResult",
     "compare",
     "document",
+    "evaluate",
     "identify_slip",
+    "load_policy",
     "train_policy",
     "without_times",
 ]

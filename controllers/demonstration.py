@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import multiprocessing
 from collections.abc import Callable, Mapping
@@ -36,9 +37,8 @@ from ..terrain import (
 from .comparison import Drive, DriverFactory, Scenario, compare, document
 from .mpc import PathTrackingMPC
 from .mpc_config import MPCConfig
-from .policy import PolicyDriver, TrackingPolicy
-from .reinforcement import PPOConfig, train_policy
 from .report import write_report
+from .rl import PolicyDriver, Recipe, TrainingPlan, load_policy, train_policy
 from .slip_model import identify_slip
 
 # Of the map of the third scenario, in m: how far it reaches around the path, and its cells. Its border between asphalt
@@ -47,6 +47,23 @@ _MAP_MARGIN: Final = 10.0
 _MAP_SPACING: Final = 0.25
 
 BACKENDS: Final = ("physics", "torch", "native", "guarded")
+
+# For a budget of tens of thousands of steps: many small updates.
+_SHORT_RECIPE: Final[dict[str, Any]] = {
+    "algorithm": "ppo",
+    "environment": "path-tracking",
+    "n_timesteps": 36_864,
+    "n_envs": 16,
+    "env_kwargs": {"action_mode": "twist", "random_start": True, "time_limit": 8.0, "cross_track_weight": 2.0},
+    "policy_kwargs": {"net_arch": [64, 64], "activation": "tanh", "log_std_init": -1.5},
+    "hyperparameters": {
+        "n_steps": 64,
+        "batch_size": 256,
+        "n_epochs": 10,
+        "learning_rate": "lin_4e-3",
+        "gamma": 0.9,
+    },
+}
 
 #: Called with a stage's name, what is done of it, and all of it.
 StageProgress = Callable[[str, int, int], None]
@@ -68,7 +85,7 @@ class DemoConfig:
         Logged ticks a run.
     training : TrainingConfig
         Of both surrogates.
-    policy : PPOConfig
+    policy : Recipe
         Of both policies.
     path : str
         Name of the path or a CSV file.
@@ -79,7 +96,7 @@ class DemoConfig:
     time_limit : float
         Of a drive, in s.
     seed : int
-        Of everything that is drawn; takes the place of those of ``training`` and ``policy``.
+        Of everything that is drawn; takes the place of that of ``training``.
     """
 
     vehicle: str = "m113"
@@ -91,9 +108,7 @@ class DemoConfig:
     training: TrainingConfig = field(
         default_factory=lambda: TrainingConfig(epochs=8, batch_size=2048, learning_rate=3e-3, learning_rate_decay=0.85)
     )
-    policy: PPOConfig = field(
-        default_factory=lambda: PPOConfig(steps=36_864, discount=0.9, learning_rate=2e-3, initial_log_std=-1.5)
-    )
+    policy: Recipe = field(default_factory=lambda: Recipe(**_SHORT_RECIPE))
     path: str = "iso-3888-1"
     speed: float = 5.0
     ice_from: float = 40.0
@@ -102,7 +117,6 @@ class DemoConfig:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "training", replace(self.training, seed=self.seed))
-        object.__setattr__(self, "policy", replace(self.policy, seed=self.seed))
         for name in ("rigid_runs", "soil_runs"):
             if getattr(self, name) < 18:
                 raise InvalidInputError(
@@ -243,7 +257,7 @@ def _scenario(
     policies: Mapping[Mode, FilePath],
 ) -> Scenario:
     slip = identify_slip(vehicle, slip_ground, speed=config.speed)
-    policy = TrackingPolicy.load(policies[ground.mode])
+    policy = load_policy(policies[ground.mode])
 
     def mpc() -> Driver:
         return PathTrackingMPC(path, vehicle, slip, MPCConfig(speed=config.speed))
@@ -267,7 +281,7 @@ def _train_surrogate(tell: StageProgress, config: DemoConfig, mode: Mode, folder
     dataset = load_dataset(folder / "data" / mode)
     stage, epochs = f"surrogate, {mode}", config.training.epochs
     recipe = asdict(config.training)
-    if _is_current(lambda: Surrogate.load(output), recipe, dataset.manifest.content_hash):
+    if _is_surrogate_current(output, recipe, dataset.manifest.content_hash):
         tell(stage, epochs, epochs)
         return
     tell(stage, 0, epochs)
@@ -279,40 +293,47 @@ def _train_surrogate(tell: StageProgress, config: DemoConfig, mode: Mode, folder
 
 
 def _train_policy(tell: StageProgress, config: DemoConfig, mode: Mode, artifact: str, output: FilePath) -> None:
-    stage, steps = f"policy, {mode}", config.policy.steps
+    stage, steps = f"policy, {mode}", config.policy.n_timesteps
     surrogate = Surrogate.load(artifact)
-    environment: dict[str, Any] = {
+    environment = {
         "backend": "native",
         "vehicle": config.vehicle,
         "terrain": "asphalt" if mode == "rigid" else "lete-sand",
         "path": config.path,
-        "action_mode": "twist",
         "reference_speed": config.speed,
-        "random_start": True,
-        "time_limit": 8.0,
-        "cross_track_weight": 2.0,
+        "backend_options": {"artifact": artifact},
     }
-    recipe = {**asdict(config.policy), "environment": environment}
-    if _is_current(lambda: TrackingPolicy.load(output), recipe, surrogate.content_hash):
+    plan = TrainingPlan(config.policy, environment, seed=config.seed)
+    if _is_policy_current(output, plan, surrogate.content_hash):
         tell(stage, steps, steps)
         return
     tell(stage, 0, steps)
-    options = {"backend_options": {"artifact": artifact}}
-    train_policy(config.policy, environment | options, progress=lambda done, total: tell(stage, done, total)).save(
-        output
+    train_policy(plan, progress=lambda done, total, _: tell(stage, done, total)).policy.save(output)
+
+
+def _is_policy_current(file: FilePath, plan: TrainingPlan, origin: str) -> bool:
+    """Whether a policy of an earlier call is what would be trained now."""
+    try:
+        made = load_policy(file)
+    except ArtifactError:
+        return False
+    wanted = json.loads(json.dumps({**plan.recipe.to_json(), "seed": plan.seed}))
+    arguments = {key: value for key, value in plan.training.arguments.items() if key != "backend_options"}
+    return (
+        made.environment["backend"].get("artifact") == origin
+        and made.environment["arguments"] == arguments
+        and all(made.recipe.get(key) == value for key, value in wanted.items())
     )
 
 
-def _is_current(load: Callable[[], Any], recipe: Mapping[str, Any], origin: str) -> bool:
-    """Whether a file of an earlier call holds what would be made now."""
+def _is_surrogate_current(file: FilePath, recipe: Mapping[str, Any], dataset: str) -> bool:
+    """Whether a surrogate of an earlier call is what would be trained now."""
     try:
-        made = load()
+        made = Surrogate.load(file)
     except ArtifactError:
         return False
-    # JSON has no tuples.
-    wanted = {key: list(value) if isinstance(value, tuple) else value for key, value in recipe.items()}
-    made_from = getattr(made, "dataset_hash", "") or made.recipe.get("backend", {}).get("artifact", "")
-    return bool(made_from == origin) and all(made.recipe.get(key) == value for key, value in wanted.items())
+    wanted = json.loads(json.dumps(recipe))
+    return made.dataset_hash == dataset and all(made.recipe.get(key) == value for key, value in wanted.items())
 
 
 def _in_processes(

@@ -55,7 +55,7 @@ class FleetRecord(NamedTuple):
     forces : ndarray, shape (n, 3)
         What it returned.
     iterations, divisions : ndarray, shape (n,)
-        Newton steps, and parts that the tick was solved in.
+        Broyden's or Newton's steps, and parts that the tick was solved in.
     score : ndarray, shape (n,)
         What the guard's detector said of the row at the tick's start; 0 without a guard.
     active : ndarray of bool, shape (n,)

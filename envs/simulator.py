@@ -45,7 +45,7 @@ class TickRecord(NamedTuple):
     state : VehicleState
         After the tick.
     iterations, divisions : int
-        Newton steps, and parts that the tick was solved in.
+        Broyden's or Newton's steps, and parts that the tick was solved in.
     detection : Detection or None
         What the guard's detector said of the row at the tick's start; None without a guard.
     footing : Footing
@@ -166,12 +166,12 @@ class Simulator:
         row = self._row(start, command, footing.theta)
         level_row = level_equivalent(self.backend.interface, row, footing.gravity.load_ratio)
         guard, detection, evaluate = self._guarded(start.guard, level_row)
-        step = self._solve(row, footing, evaluate)
+        step = self._solve(row, belts, footing, evaluate)
         if isinstance(evaluate, BlendedForces) and evaluate.primary_failed:
             # The mode is frozen within a tick: the whole of it goes to the fallback.
             failure = Detection(math.inf, "finite", "primary output")
             guard, detection, evaluate = self._guarded(start.guard, level_row, failure)
-            step = self._solve(row, footing, evaluate)
+            step = self._solve(row, belts, footing, evaluate)
         if step is None or not all(math.isfinite(value) for value in step.body):
             raise SimulationDivergedError(
                 f"no tick from {self.tick:g} s down to a sixteenth was solved at t = {start.time:.3f} s "
@@ -199,9 +199,15 @@ class Simulator:
         advanced = backend.policy.advance(guard, detection, self.tick)
         return advanced, detection, BlendedForces(backend, advanced.fallback_weight)
 
-    def _solve(self, row: FloatArray, footing: Footing, evaluate: ForceFunction) -> BodyStep | None:
+    def _solve(
+        self, row: FloatArray, belts: tuple[float, float], footing: Footing, evaluate: ForceFunction
+    ) -> BodyStep | None:
         forces = forces_on(footing, self.backend, evaluate)
-        dynamics = Dynamics(self.vehicle, forces, (footing.gravity.x, footing.gravity.y))
+        # A body on slipping tracks turns by about half of what its belts do: over a tick, by as much as they do
+        # in its second half.
+        turn = (belts[1] - float(row[6])) - (belts[0] - float(row[5]))
+        yaw_acceleration = turn / (self.vehicle.tread * self.tick)
+        dynamics = Dynamics(self.vehicle, forces, (footing.gravity.x, footing.gravity.y), yaw_acceleration)
         if self.integrator == "euler":
             return explicit_step(dynamics, row, step=self.tick)
         return implicit_step(dynamics, row, step=self.tick, tolerance=self._tolerance, integrator=self.integrator)

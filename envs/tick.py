@@ -2,6 +2,10 @@
 
 m(V̇x − ωVy) = Qx + m g_x, m(V̇y + ωVx) = Qy + m g_y, I_z ω̇ = Mz, that is ẏ = f(y) for y = (Vx, Vy, ω). Near zero slip the forces are
 as stiff as −2.6·10⁴ s⁻¹, and they saturate, so that neither explicit nor linearly implicit steps hold a vehicle still.
+
+A step is solved by Broyden's method from one Jacobian, where the forces of the last tick take the body: nearly always
+that is a good guess. Where its steps do not contract, damped Newton takes over, from other guesses and in parts of the
+step.
 """
 
 from __future__ import annotations
@@ -16,7 +20,9 @@ Integrator = Literal["implicit", "sdirk2", "euler"]
 INTEGRATORS: Final[tuple[Integrator, ...]] = ("implicit", "sdirk2", "euler")
 
 Body = tuple[float, float, float]
+_Matrix = tuple[Body, Body, Body]
 
+BROYDEN_LIMIT: Final = 12
 NEWTON_LIMIT: Final = 8
 MAXIMUM_DIVISIONS: Final = 16
 #: Residual in m/s and rad/s at which a stage counts as solved, for a force resolved to float64.
@@ -40,7 +46,7 @@ class BodyStep(NamedTuple):
     forces : ndarray, shape (3,)
         What it returned.
     iterations : int
-        Newton steps taken.
+        Broyden's or Newton's steps taken.
     divisions : int
         Parts that the tick was solved in: 1, or up to 16 where Newton did not converge.
     """
@@ -75,11 +81,14 @@ class Dynamics:
         Forces and Jacobian of one interface row.
     pull : tuple of float
         (g_x, g_y): gravity along the body axes in m/s², zero on level ground.
+    yaw_acceleration : float
+        That is to be expected, in rad/s²: of the first guess alone.
     """
 
     vehicle: TrackedVehicle
     evaluate: ForceFunction
     pull: tuple[float, float] = (0.0, 0.0)
+    yaw_acceleration: float = 0.0
 
     def rates(self, body: Body, forces: FloatArray) -> Body:
         """Return f(y) = (Qx/m + g_x + ωVy, Qy/m + g_y − ωVx, Mz/I_z)."""
@@ -97,7 +106,7 @@ def implicit_step(
     tolerance: float,
     integrator: Integrator = "implicit",
 ) -> BodyStep | None:
-    """Advance the body by ``step`` s, in halved steps where Newton does not converge.
+    """Advance the body by ``step`` s: by Broyden's method, or by damped Newton, in halved steps where need be.
 
     Parameters
     ----------
@@ -117,6 +126,9 @@ def implicit_step(
     BodyStep or None
         None if sixteenths of the step were not solved either.
     """
+    result = _broyden_step(dynamics, row, step, tolerance, integrator)
+    if result is not None:
+        return result
     divisions = 1
     while divisions <= MAXIMUM_DIVISIONS:
         result = _divided_step(dynamics, row, step / divisions, divisions, tolerance, integrator)
@@ -131,6 +143,100 @@ def explicit_step(dynamics: Dynamics, row: FloatArray, *, step: float) -> BodySt
     forces = dynamics.evaluate(row)[0]
     body: Body = (float(row[0]), float(row[1]), float(row[2]))
     return BodyStep(_along(body, step, dynamics.rates(body, forces)), row.copy(), forces, 0, 1)
+
+
+def _broyden_step(
+    dynamics: Dynamics, row: FloatArray, step: float, tolerance: float, integrator: Integrator
+) -> BodyStep | None:
+    """Solve the whole step from one Jacobian, at the body that the last tick's forces extrapolate to."""
+    row = row.copy()
+    body: Body = (float(row[0]), float(row[1]), float(row[2]))
+    gain = _GAMMA * step if integrator == "sdirk2" else step
+    accelerations = float(row[3]), float(row[4]), dynamics.yaw_acceleration
+    guess = _extrapolated(body, accelerations, dynamics.pull, gain, tolerance)
+    row[:3] = guess
+    forces, jacobian = dynamics.evaluate(row)
+    inverse = _inverse(dynamics.vehicle, guess, jacobian, gain)
+    if inverse is None:
+        return None
+    solver = _Broyden(dynamics, row, gain, tolerance, inverse)
+    stage = solver.solve(body, _Stage(guess, forces, 0), extrapolated=guess != body)
+    if stage is not None and integrator == "sdirk2":
+        anchor = _along(body, (1.0 - _GAMMA) * step, dynamics.rates(stage.body, stage.forces))
+        stage = solver.solve(anchor, stage)
+    return stage and BodyStep(stage.body, row, stage.forces, stage.iterations, 1)
+
+
+def _extrapolated(body: Body, accelerations: Body, pull: tuple[float, float], gain: float, tolerance: float) -> Body:
+    """Return where the accelerations take the body, or the body itself if that is within the tolerance."""
+    vx, vy, yaw_rate = body
+    change = (
+        gain * (accelerations[0] + pull[0] + yaw_rate * vy),
+        gain * (accelerations[1] + pull[1] - yaw_rate * vx),
+        gain * accelerations[2],
+    )
+    return body if _size(change) <= tolerance else _along(body, 1.0, change)
+
+
+@dataclass
+class _Broyden:
+    """Stages of one step: they share the inverse of I − gain·∂f/∂y, which every evaluation corrects."""
+
+    dynamics: Dynamics
+    row: FloatArray
+    gain: float
+    tolerance: float
+    inverse: _Matrix
+
+    def solve(self, anchor: Body, start: _Stage, *, extrapolated: bool = False) -> _Stage | None:
+        """Solve y = anchor + gain·f(y) from a body whose forces are known, or return None.
+
+        An extrapolated body is not taken for a solved one: a vehicle near rest would chatter within the tolerance.
+        """
+        body, forces, iterations = start
+        residual = _residual(self.dynamics, body, forces, anchor, self.gain)
+        direction = _direction(self.inverse, residual)
+        size = _size(residual)
+        if size <= self.tolerance and not extrapolated:
+            return start
+        for _ in range(BROYDEN_LIMIT):
+            if not math.isfinite(sum(direction)):
+                return None
+            size_before = size
+            body = _along(body, 1.0, direction)
+            self.row[:3] = body
+            forces = self.dynamics.evaluate(self.row)[0]
+            residual = _residual(self.dynamics, body, forces, anchor, self.gain)
+            direction = self._update(direction, residual)
+            size = _size(residual)
+            iterations += 1
+            # A good guess may be nearer than the rounding of a step.
+            if size <= self.tolerance:
+                return _Stage(body, forces, iterations)
+            # An inequality that NaN fails.
+            if not size < size_before:
+                return None
+        return None
+
+    def _update(self, step: Body, residual: Body) -> Body:
+        """Correct the inverse H after a step s that left a residual, and return the next step.
+
+        With u = −H·residual they are H + u (sᵀH)/(sᵀ(s − u)) and u sᵀs/(sᵀ(s − u)).
+        """
+        u = _direction(self.inverse, residual)
+        square = _dot(step, step)
+        below = square - _dot(step, u)
+        if below == 0.0:
+            return math.nan, math.nan, math.nan
+        share = 1.0 / below
+        first, second, third = (share * _dot(step, column) for column in zip(*self.inverse, strict=True))
+        a, b, c = (
+            (row[0] + part * first, row[1] + part * second, row[2] + part * third)
+            for row, part in zip(self.inverse, u, strict=True)
+        )
+        self.inverse = (a, b, c)
+        length = share * square
+        return length * u[0], length * u[1], length * u[2]
 
 
 def _divided_step(
@@ -210,8 +316,11 @@ def _solve_stage(
             return _Stage(body, forces, iteration)
         if iteration == NEWTON_LIMIT or not math.isfinite(size):
             return None
-        direction = _newton_direction(dynamics.vehicle, body, jacobian, residual, gain)
-        if direction is None:
+        inverse = _inverse(dynamics.vehicle, body, jacobian, gain)
+        if inverse is None:
+            return None
+        direction = _direction(inverse, residual)
+        if not math.isfinite(sum(direction)):
             return None
         damping = 1.0
         for _ in range(_LINE_SEARCH_LIMIT):
@@ -238,10 +347,8 @@ def _residual(dynamics: Dynamics, body: Body, forces: FloatArray, anchor: Body, 
     )
 
 
-def _newton_direction(
-    vehicle: TrackedVehicle, body: Body, jacobian: FloatArray, residual: Body, gain: float
-) -> Body | None:
-    """Solve (I − gain·∂f/∂y) δ = −residual by cofactors; None where the matrix is singular."""
+def _inverse(vehicle: TrackedVehicle, body: Body, jacobian: FloatArray, gain: float) -> _Matrix | None:
+    """Invert I − gain·∂f/∂y by cofactors; None where it is singular."""
     vx, vy, yaw_rate = body
     by_mass, by_inertia = gain / vehicle.mass, gain / vehicle.yaw_inertia
     (xx, xy, xw), (yx, yy, yw), (wx, wy, ww) = jacobian[:, :3].tolist()
@@ -252,13 +359,20 @@ def _newton_direction(
     determinant = a * ca + b * cb + c * cc
     if not (math.isfinite(determinant) and determinant != 0.0):
         return None
-    r, s, t = residual
-    direction = (
-        -(ca * r + (c * h - b * i) * s + (b * f - c * e) * t) / determinant,
-        -(cb * r + (a * i - c * g) * s + (c * d - a * f) * t) / determinant,
-        -(cc * r + (b * g - a * h) * s + (a * e - b * d) * t) / determinant,
+    return (
+        (ca / determinant, (c * h - b * i) / determinant, (b * f - c * e) / determinant),
+        (cb / determinant, (a * i - c * g) / determinant, (c * d - a * f) / determinant),
+        (cc / determinant, (b * g - a * h) / determinant, (a * e - b * d) / determinant),
     )
-    return direction if math.isfinite(sum(direction)) else None
+
+
+def _direction(inverse: _Matrix, residual: Body) -> Body:
+    first, second, third = inverse
+    return -_dot(first, residual), -_dot(second, residual), -_dot(third, residual)
+
+
+def _dot(a: Body, b: Body) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _along(start: Body, length: float, direction: Body) -> Body:

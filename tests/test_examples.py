@@ -9,10 +9,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
+# What an example needs beside the extras of ``all``, by the names of the modules.
+NEEDS = {"rllib": ("ray", "lz4", "tree", "ormsgpack", "scipy"), "behaviour_cloning": ("minari", "torch")}
+SLOW = ("rllib",)
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 PAGES = tuple(
     ROOT / page
-    for page in ("README.md", "docs/physics.md", "docs/environments.md", "docs/export.md", "docs/highway.md")
+    for page in ("README.md", *(f"docs/{name}.md" for name in ("physics", "environments", "export", "highway", "rl")))
 )
 BLOCKS = {
     f"{page.stem}-{index}": block
@@ -22,7 +25,9 @@ BLOCKS = {
 
 
 def run(*arguments: str) -> str:
-    environment = os.environ | {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": "error"}
+    # Ray's own processes warn of what is none of ours.
+    warnings = "default" if "rllib.py" in arguments[0] else "error"
+    environment = os.environ | {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": warnings}
     done = subprocess.run(
         [sys.executable, *arguments], capture_output=True, text=True, env=environment, cwd=ROOT, check=False
     )
@@ -30,8 +35,12 @@ def run(*arguments: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "example", [pytest.param(e, id=e.stem, marks=[pytest.mark.slow] * (e.stem in SLOW)) for e in EXAMPLES]
+)
 def test_an_example_runs(example: Path) -> None:
+    for module in NEEDS.get(example.stem, ()):
+        pytest.importorskip(module)
     assert run(str(example)).strip()
 
 

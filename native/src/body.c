@@ -79,8 +79,8 @@ static int solve_stage(grouser_dynamics *dynamics, const double *start, const st
       return 1;
     }
     if (iteration == GROUSER_NEWTON_LIMIT || !isfinite(size)) return 0;
-    const grouser_body direction =
-        grouser_newton_direction(dynamics->inertia, body, (const double(*)[3])slope, residual, s->gain);
+    const grouser_inverse inverse = grouser_invert(dynamics->inertia, body, (const double(*)[3])slope, s->gain);
+    const grouser_body direction = grouser_direction(&inverse, residual);
     if (!grouser_finite_body(direction)) return 0;
     double damping = 1.0;
     grouser_body trial = body;
@@ -118,8 +118,57 @@ static int solve_part(grouser_dynamics *dynamics, const double *row, double step
   return 1;
 }
 
+/* Broyden's steps from a body whose force and inverse are known; 0 where one does not shrink the residual. An
+ * extrapolated body is not taken for a solved one: a vehicle near rest would chatter within the tolerance. */
+static int solve_stage_by_broyden(grouser_dynamics *dynamics, double *row, const stage *s, grouser_inverse *inverse,
+                                  int extrapolated, stage_solution *at) {
+  grouser_body residual = grouser_residual(at->body, s->anchor, s->gain, rates_of(dynamics, at->body, at->force));
+  grouser_body direction = grouser_direction(inverse, residual);
+  double size = grouser_residual_size(residual);
+  if (!extrapolated && size <= s->tolerance) return 1;
+  for (int iteration = 0; iteration < GROUSER_BROYDEN_LIMIT && grouser_finite_body(direction); iteration++) {
+    const double size_before = size;
+    at->body = grouser_along(at->body, 1.0, direction);
+    residual = residual_at(dynamics, s, at->body, row, at->force, NULL);
+    direction = grouser_broyden_step(inverse, direction, residual);
+    size = grouser_residual_size(residual);
+    at->iterations++;
+    /* A good guess may be nearer than the rounding of a step. */
+    if (size <= s->tolerance) return 1;
+    if (!(size < size_before)) return 0; /* NaN fails */
+  }
+  return 0;
+}
+
+/* The whole step from one evaluation with slopes. */
+static int solve_by_broyden(grouser_dynamics *dynamics, const double *start, double step, double tolerance,
+                            enum grouser_integrator integrator, grouser_body_step *out) {
+  const grouser_body body = body_of(start);
+  double *row = out->row, slope[GROUSER_OUTPUTS][3];
+  stage s = {body, integrator == GROUSER_SDIRK2 ? GROUSER_SDIRK_GAMMA * step : step, tolerance};
+  stage_solution at;
+  memset(out->row, 0, sizeof out->row);
+  memcpy(row, start, sizeof(double) * (size_t)dynamics->blend.primary->columns);
+  at.iterations = 0;
+  at.body = grouser_extrapolated(row, dynamics->footing, dynamics->yaw_acceleration, s.gain, tolerance);
+  set_body(row, at.body);
+  evaluate(dynamics, row, at.force, slope);
+  grouser_inverse inverse = grouser_invert(dynamics->inertia, at.body, (const double(*)[3])slope, s.gain);
+  if (!solve_stage_by_broyden(dynamics, row, &s, &inverse, !grouser_same_body(at.body, body), &at)) return 0;
+  if (integrator == GROUSER_SDIRK2) {
+    s.anchor = grouser_along(body, (1.0 - GROUSER_SDIRK_GAMMA) * step, rates_of(dynamics, at.body, at.force));
+    if (!solve_stage_by_broyden(dynamics, row, &s, &inverse, 0, &at)) return 0;
+  }
+  out->body = at.body;
+  memcpy(out->force, at.force, sizeof at.force);
+  out->iterations = at.iterations;
+  out->divisions = 1;
+  return 1;
+}
+
 int grouser_implicit_step(grouser_dynamics *dynamics, const double *row, double step, double tolerance,
                           enum grouser_integrator integrator, grouser_body_step *out) {
+  if (solve_by_broyden(dynamics, row, step, tolerance, integrator, out)) return 1;
   const size_t size = sizeof(double) * (size_t)dynamics->blend.primary->columns;
   for (int divisions = 1; divisions <= GROUSER_MAX_DIVISIONS; divisions *= 2) {
     double part[GROUSER_MAX_COLUMNS];

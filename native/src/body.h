@@ -1,4 +1,4 @@
-/* The body's equations of motion and one damped Newton step: what a vehicle alone and a block of them share.
+/* The body's equations of motion, Newton's and Broyden's steps: what a vehicle alone and a block of them share.
  * Equations and names: envs/tick.py. */
 #ifndef GROUSER_BODY_H
 #define GROUSER_BODY_H
@@ -8,7 +8,7 @@
 #include "grouser/guard.h"
 #include "grouser/tick.h"
 
-enum { GROUSER_NEWTON_LIMIT = 8, GROUSER_MAX_DIVISIONS = 16 };
+enum { GROUSER_NEWTON_LIMIT = 8, GROUSER_BROYDEN_LIMIT = 12, GROUSER_MAX_DIVISIONS = 16 };
 
 /* 1 - 1/sqrt(2), of the two-stage method. */
 #define GROUSER_SDIRK_GAMMA (1.0 - 0.7071067811865475)
@@ -48,10 +48,14 @@ static inline double grouser_residual_size(grouser_body residual) {
   return fabs(residual.vx) + fabs(residual.vy) + fabs(residual.yaw_rate);
 }
 
-/* Solves (I - gain df/dy) delta = -residual by cofactors; not finite where the matrix is singular. */
-static inline grouser_body grouser_newton_direction(grouser_inertia inertia, grouser_body body,
-                                                    const double slope[GROUSER_OUTPUTS][3], grouser_body residual,
-                                                    double gain) {
+/* Of I - gain df/dy, or what the steps since have made of it. */
+typedef struct {
+  double entry[3][3];
+} grouser_inverse;
+
+/* By cofactors; not finite where the matrix is singular. */
+static inline grouser_inverse grouser_invert(grouser_inertia inertia, grouser_body body,
+                                             const double slope[GROUSER_OUTPUTS][3], double gain) {
   const double by_mass = gain / inertia.mass, by_inertia = gain / inertia.yaw_inertia;
   const double a = 1.0 - by_mass * slope[0][0], b = -by_mass * slope[0][1] - gain * body.yaw_rate,
                c = -by_mass * slope[0][2] - gain * body.vy;
@@ -60,14 +64,57 @@ static inline grouser_body grouser_newton_direction(grouser_inertia inertia, gro
   const double g = -by_inertia * slope[2][0], h = -by_inertia * slope[2][1], i = 1.0 - by_inertia * slope[2][2];
   const double ca = e * i - f * h, cb = f * g - d * i, cc = d * h - e * g;
   const double determinant = a * ca + b * cb + c * cc;
-  const double r = residual.vx, s = residual.vy, t = residual.yaw_rate;
-  /* Zero over zero is NaN, and so is an infinite determinant times 0: both must not pass for a direction. */
+  /* Zero over zero is NaN, and so is an infinite determinant times 0: both must not pass for an inverse. */
   const double spoilt = determinant * 0.0;
-  const grouser_body direction = {
-      -(ca * r + (c * h - b * i) * s + (b * f - c * e) * t) / determinant + spoilt,
-      -(cb * r + (a * i - c * g) * s + (c * d - a * f) * t) / determinant,
-      -(cc * r + (b * g - a * h) * s + (a * e - b * d) * t) / determinant};
+  const grouser_inverse inverse = {
+      {{ca / determinant + spoilt, (c * h - b * i) / determinant, (b * f - c * e) / determinant},
+       {cb / determinant, (a * i - c * g) / determinant, (c * d - a * f) / determinant},
+       {cc / determinant, (b * g - a * h) / determinant, (a * e - b * d) / determinant}}};
+  return inverse;
+}
+
+/* -H r. */
+static inline grouser_body grouser_direction(const grouser_inverse *inverse, grouser_body residual) {
+  const double(*h)[3] = inverse->entry;
+  const grouser_body direction = {-(h[0][0] * residual.vx + h[0][1] * residual.vy + h[0][2] * residual.yaw_rate),
+                                  -(h[1][0] * residual.vx + h[1][1] * residual.vy + h[1][2] * residual.yaw_rate),
+                                  -(h[2][0] * residual.vx + h[2][1] * residual.vy + h[2][2] * residual.yaw_rate)};
   return direction;
+}
+
+/* After a step that left this residual: Broyden's update of the inverse, and the next step. With u = -H r they are
+ * H + u (step' H) / (step'(step - u)) and u step'step / (step'(step - u)). */
+static inline grouser_body grouser_broyden_step(grouser_inverse *inverse, grouser_body step, grouser_body residual) {
+  double(*h)[3] = inverse->entry;
+  const grouser_body u = grouser_direction(inverse, residual);
+  const double square = step.vx * step.vx + step.vy * step.vy + step.yaw_rate * step.yaw_rate;
+  const double share = 1.0 / (square - (step.vx * u.vx + step.vy * u.vy + step.yaw_rate * u.yaw_rate));
+  const double row[3] = {share * (step.vx * h[0][0] + step.vy * h[1][0] + step.yaw_rate * h[2][0]),
+                         share * (step.vx * h[0][1] + step.vy * h[1][1] + step.yaw_rate * h[2][1]),
+                         share * (step.vx * h[0][2] + step.vy * h[1][2] + step.yaw_rate * h[2][2])};
+  for (int j = 0; j < 3; j++) {
+    h[0][j] += u.vx * row[j];
+    h[1][j] += u.vy * row[j];
+    h[2][j] += u.yaw_rate * row[j];
+  }
+  const double length = share * square;
+  const grouser_body next = {length * u.vx, length * u.vy, length * u.yaw_rate};
+  return next;
+}
+
+static inline int grouser_same_body(grouser_body a, grouser_body b) {
+  return a.vx == b.vx && a.vy == b.vy && a.yaw_rate == b.yaw_rate;
+}
+
+/* The first guess: where the forces of the last tick would take the body, and its yaw rate as the belts change; the body
+ * itself if that is within the tolerance. */
+static inline grouser_body grouser_extrapolated(const double *row, const grouser_footing *footing,
+                                                double yaw_acceleration, double gain, double tolerance) {
+  const double vx = row[GROUSER_VX], vy = row[GROUSER_VY], yaw_rate = row[GROUSER_YAW_RATE];
+  const grouser_body body = {vx, vy, yaw_rate};
+  const grouser_body change = {gain * (row[GROUSER_AX] + footing->pull_x + yaw_rate * vy),
+                               gain * (row[GROUSER_AY] + footing->pull_y - yaw_rate * vx), gain * yaw_acceleration};
+  return grouser_residual_size(change) <= tolerance ? body : grouser_along(body, 1.0, change);
 }
 
 static inline int grouser_finite_body(grouser_body body) { return isfinite(body.vx + body.vy + body.yaw_rate); }
@@ -77,6 +124,7 @@ typedef struct {
   grouser_inertia inertia;
   double tread; /* m */
   const grouser_footing *footing;
+  double yaw_acceleration; /* rad/s^2, that is to be expected */
   grouser_blend blend;
 } grouser_dynamics;
 

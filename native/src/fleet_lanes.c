@@ -1,6 +1,7 @@
-/* Which vehicle is in which lane. The ticks that the primary alone moves are solved on one deck, those of the fallback
- * on another, and those that both have a share in one by one. A lane begins its vehicle's next tick as soon as it has
- * solved one, and then takes the next vehicle, while the others iterate: so the decks stay full. */
+/* Which vehicle is in which lane. A crew of vehicles is taken at a time, and all of it makes one tick before the next.
+ * The ticks that the primary alone moves are solved together, then those of the fallback; those that both have a share
+ * in, one by one. Decks are opened with all their lanes full, and followed; as lanes converge, the ticks that are left
+ * come together on fewer decks. */
 #include "fleet_lanes.h"
 
 #include <math.h>
@@ -9,171 +10,161 @@
 
 #include "fleet_deck.h"
 
-enum { PRIMARY_DECK, FALLBACK_DECK, DECKS, ALONE = DECKS };
+enum { DECKS = 8, CREW = DECKS * GROUSER_BLOCK };
 
 typedef struct {
-  int vehicle; /* or -1 */
-  int wanted;  /* the deck that its tick belongs on: it waits while it is on the other */
-  int ticks;   /* that are left */
-  int solved;  /* whether a record was made */
+  int vehicle;
+  enum grouser_status status;
+  int solved; /* whether a record was made */
   grouser_vehicle_state state;
   grouser_tick_start start;
   grouser_tick_record record;
-} lane;
+} member;
+
+/* Members whose ticks one kernel moves. */
+typedef struct {
+  const grouser_kernel *kernel;
+  int count;
+  int member[CREW];
+} company;
 
 typedef struct {
   const grouser_fleet *fleet;
-  const double *commands;
-  int ticks, next, end; /* vehicles that no lane has taken yet */
-  int decks;
+  int count;
+  member members[CREW];
   grouser_deck deck[DECKS];
-  lane lanes[DECKS][GROUSER_BLOCK];
+  int seated[DECKS][GROUSER_BLOCK]; /* which member is in a lane */
 } crew;
 
-static enum grouser_status finish_tick(const crew *c, lane *own, const grouser_body_step *step) {
-  const enum grouser_status status =
-      grouser_tick_finish(c->fleet->plant, &own->start, step->body, step->force, &own->state);
-  if (status != GROUSER_SOLVED) return status;
-  own->ticks--;
+static void finish_tick(const grouser_plant *plant, member *own, const grouser_body_step *step) {
+  own->status = grouser_tick_finish(plant, &own->start, step->body, step->force, &own->state);
+  if (own->status != GROUSER_SOLVED) return;
   own->solved = 1;
   memcpy(own->record.row, step->row, sizeof step->row);
   memcpy(own->record.force, step->force, sizeof step->force);
   own->record.iterations = step->iterations;
   own->record.divisions = step->divisions;
   own->record.detection = own->start.detection;
-  return status;
 }
 
-static enum grouser_status finish_alone(const crew *c, lane *own) {
+static void finish_alone(const grouser_plant *plant, member *own) {
   grouser_body_step step;
-  const enum grouser_status status = grouser_tick_solve(c->fleet->plant, &own->start, &own->state, &step);
-  return status == GROUSER_SOLVED ? finish_tick(c, own, &step) : status;
+  own->status = grouser_tick_solve(plant, &own->start, &own->state, &step);
+  if (own->status == GROUSER_SOLVED) finish_tick(plant, own, &step);
 }
 
-static int deck_of(const grouser_plant *plant, const grouser_tick_start *start) {
-  if (!plant->guard || start->guard.fallback_weight <= 0.0) return PRIMARY_DECK;
-  return start->guard.fallback_weight >= 1.0 ? FALLBACK_DECK : ALONE;
-}
-
-/* Begins ticks until one wants a deck; 0 when the vehicle has none left, or is lost: the lane is free then. */
-static int next_tick(const crew *c, lane *own, enum grouser_status status) {
-  const grouser_fleet *fleet = c->fleet;
-  while (status == GROUSER_SOLVED && own->ticks > 0) {
-    status = grouser_tick_begin(fleet->plant, &fleet->grounds[own->vehicle], c->commands + 2 * own->vehicle,
-                                &own->state, &own->start);
-    if (status != GROUSER_SOLVED) break;
-    own->wanted = deck_of(fleet->plant, &own->start);
-    if (own->wanted != ALONE) return 1;
-    status = finish_alone(c, own);
-  }
-  if (own->solved) grouser_fleet_store(fleet, own->vehicle, &own->state, &own->record);
-  fleet->status[own->vehicle] = (unsigned char)status;
-  own->vehicle = -1;
-  return 0;
-}
-
-/* Gives a free lane the next vehicle that has a tick for a deck; 0 if there is none. */
-static int take_vehicle(crew *c, lane *own) {
-  while (c->next < c->end) {
-    own->vehicle = c->next++;
-    if (c->fleet->status[own->vehicle] != GROUSER_SOLVED) continue;
-    own->ticks = c->ticks;
-    own->solved = 0;
-    grouser_fleet_load(c->fleet, own->vehicle, &own->state);
-    own->start.traits = &c->fleet->traits[own->vehicle];
-    own->start.cosine = cos(own->state.heading);
-    own->start.sine = sin(own->state.heading);
-    if (next_tick(c, own, GROUSER_SOLVED)) return 1;
-  }
-  own->vehicle = -1;
-  return 0;
-}
-
-static void enter(crew *c, int d, int l) {
-  const lane *own = &c->lanes[d][l];
-  if (own->vehicle >= 0 && own->wanted == d) grouser_deck_enter(&c->deck[d], l, &own->start);
-}
-
-/* A lane of a deck that is free, or whose tick belongs on the other one; -1 if all are at work. */
-static int idle_lane(const crew *c, int d) {
-  for (int l = 0; l < GROUSER_BLOCK; l++)
-    if (!c->deck[d].active[l]) return l;
-  return -1;
-}
-
-/* Brings waiting lanes to the deck that they want as far as there is room, and new vehicles into free lanes. */
-static void settle(crew *c) {
-  int moved = 1;
-  while (moved) {
-    moved = 0;
-    for (int d = 0; c->decks > 1 && d < DECKS; d++)
-      for (int l = 0; l < GROUSER_BLOCK; l++) {
-        const int other = 1 - d;
-        if (c->lanes[d][l].vehicle < 0 || c->lanes[d][l].wanted == d) continue;
-        const int room = idle_lane(c, other);
-        if (room < 0) continue;
-        const lane guest = c->lanes[d][l];
-        c->lanes[d][l] = c->lanes[other][room];
-        c->lanes[other][room] = guest;
-        enter(c, d, l);
-        enter(c, other, room);
-        moved = 1;
-      }
-    for (int l = 0; l < GROUSER_BLOCK; l++)
-      if (c->lanes[PRIMARY_DECK][l].vehicle < 0 && take_vehicle(c, &c->lanes[PRIMARY_DECK][l])) {
-        enter(c, PRIMARY_DECK, l);
-        moved = 1;
-      }
-  }
-}
-
-static int at_work(const crew *c, int d) {
-  int count = 0;
-  for (int l = 0; l < GROUSER_BLOCK; l++) count += c->deck[d].active[l];
-  return count;
-}
-
-/* Evaluates a deck and takes every lane on it one step on; 1 if a lane came free, or wants the other deck. */
-static int advance_deck(crew *c, int d) {
+/* Takes every lane of a deck that has been evaluated one step on; returns how many go on iterating. */
+static int proceed(crew *c, int d) {
   const grouser_plant *plant = c->fleet->plant;
-  int unsettled = 0;
-  grouser_deck_evaluate(&c->deck[d], plant);
+  int left = 0;
   for (int l = 0; l < GROUSER_BLOCK; l++) {
     if (!c->deck[d].active[l]) continue;
-    lane *own = &c->lanes[d][l];
+    member *own = &c->members[c->seated[d][l]];
     grouser_body_step step;
     const enum grouser_progress progress = grouser_deck_proceed(&c->deck[d], plant, l, &own->start, &step);
-    if (progress == GROUSER_ITERATES) continue;
-    const enum grouser_status status =
-        progress == GROUSER_CONVERGED ? finish_tick(c, own, &step) : finish_alone(c, own);
-    if (next_tick(c, own, status) && own->wanted == d)
-      grouser_deck_enter(&c->deck[d], l, &own->start);
-    else
-      unsettled = 1;
+    if (progress == GROUSER_CONVERGED) finish_tick(plant, own, &step);
+    if (progress == GROUSER_STUCK) finish_alone(plant, own);
+    left += progress == GROUSER_ITERATES;
   }
-  return unsettled;
+  return left;
+}
+
+static int decks_for(int ticks) { return (ticks + GROUSER_BLOCK - 1) / GROUSER_BLOCK; }
+
+/* Brings the ticks that are left together on as few decks as they need, and returns how many. */
+static int gather(crew *c, int decks, int left, int columns) {
+  const int needed = decks_for(left), split = c->fleet->plant->sampling.tracks;
+  int free_lane = 0;
+  for (int from = needed * GROUSER_BLOCK; from < decks * GROUSER_BLOCK; from++) {
+    grouser_deck *deck = &c->deck[from / GROUSER_BLOCK];
+    if (!deck->active[from % GROUSER_BLOCK]) continue;
+    while (c->deck[free_lane / GROUSER_BLOCK].active[free_lane % GROUSER_BLOCK]) free_lane++;
+    const int d = free_lane / GROUSER_BLOCK, l = free_lane % GROUSER_BLOCK;
+    grouser_deck_move(deck, from % GROUSER_BLOCK, &c->deck[d], l, columns, split);
+    c->seated[d][l] = c->seated[from / GROUSER_BLOCK][from % GROUSER_BLOCK];
+  }
+  return needed;
+}
+
+static void solve_together(crew *c, const company *ticks) {
+  const grouser_plant *plant = c->fleet->plant;
+  const int columns = ticks->kernel->columns;
+  int decks = decks_for(ticks->count), left = 0;
+  for (int d = 0; d < decks; d++) {
+    for (int l = 0; l < GROUSER_BLOCK && d * GROUSER_BLOCK + l < ticks->count; l++) {
+      c->seated[d][l] = ticks->member[d * GROUSER_BLOCK + l];
+      grouser_deck_enter(&c->deck[d], plant, columns, l, &c->members[c->seated[d][l]].start);
+    }
+    grouser_deck_open(&c->deck[d], plant, ticks->kernel);
+    left += proceed(c, d);
+  }
+  while (left > 0) {
+    decks = gather(c, decks, left, columns);
+    left = 0;
+    for (int d = 0; d < decks; d++) {
+      grouser_deck_follow(&c->deck[d], plant, ticks->kernel);
+      left += proceed(c, d);
+    }
+  }
+}
+
+static void make_tick(crew *c, const double *commands) {
+  const grouser_fleet *fleet = c->fleet;
+  const grouser_plant *plant = fleet->plant;
+  company primary, fallback;
+  primary.kernel = plant->kernel;
+  fallback.kernel = plant->guard ? plant->guard->fallback : NULL;
+  primary.count = fallback.count = 0;
+  for (int m = 0; m < c->count; m++) {
+    member *own = &c->members[m];
+    if (own->status != GROUSER_SOLVED) continue;
+    own->status = grouser_tick_begin(plant, &fleet->grounds[own->vehicle], commands + 2 * own->vehicle, &own->state,
+                                     &own->start);
+    if (own->status != GROUSER_SOLVED) continue;
+    if (!plant->guard || own->start.guard.fallback_weight <= 0.0)
+      primary.member[primary.count++] = m;
+    else if (own->start.guard.fallback_weight >= 1.0)
+      fallback.member[fallback.count++] = m;
+    else
+      finish_alone(plant, own);
+  }
+  solve_together(c, &primary);
+  if (plant->guard) solve_together(c, &fallback);
+}
+
+/* Fills a crew with vehicles that are not lost; returns the first that it has no room for. */
+static int gather_crew(crew *c, int first, int end) {
+  c->count = 0;
+  for (; first < end && c->count < CREW; first++) {
+    if (c->fleet->status[first] != GROUSER_SOLVED) continue;
+    member *own = &c->members[c->count++];
+    own->vehicle = first;
+    own->status = GROUSER_SOLVED;
+    own->solved = 0;
+    memset(&own->start, 0, sizeof own->start);
+    grouser_fleet_load(c->fleet, first, &own->state);
+    own->start.traits = &c->fleet->traits[first];
+    own->start.cosine = cos(own->state.heading);
+    own->start.sine = sin(own->state.heading);
+  }
+  return first;
+}
+
+static void dismiss_crew(const crew *c) {
+  for (int m = 0; m < c->count; m++) {
+    const member *own = &c->members[m];
+    if (own->solved) grouser_fleet_store(c->fleet, own->vehicle, &own->state, &own->record);
+    c->fleet->status[own->vehicle] = (unsigned char)own->status;
+  }
 }
 
 void grouser_fleet_advance_range(const grouser_fleet *fleet, const double *commands, int ticks, int first, int end) {
   crew c;
   c.fleet = fleet;
-  c.commands = commands;
-  c.ticks = ticks;
-  c.next = first;
-  c.end = end;
-  c.decks = fleet->plant->guard ? 2 : 1;
-  for (int d = 0; d < c.decks; d++) {
-    memset(&c.deck[d], 0, sizeof c.deck[d]);
-    memset(c.lanes[d], 0, sizeof c.lanes[d]);
-    c.deck[d].kernel = d == PRIMARY_DECK ? fleet->plant->kernel : fleet->plant->guard->fallback;
-    for (int l = 0; l < GROUSER_BLOCK; l++) c.lanes[d][l].vehicle = -1;
-  }
-  settle(&c);
-  for (;;) {
-    const int primary = at_work(&c, PRIMARY_DECK), fallback = c.decks > 1 ? at_work(&c, FALLBACK_DECK) : 0;
-    if (primary + fallback == 0) return;
-    /* A full deck, or the fuller one: the other waits for company. */
-    const int d = fallback == GROUSER_BLOCK || fallback > primary ? FALLBACK_DECK : PRIMARY_DECK;
-    if (advance_deck(&c, d)) settle(&c);
+  memset(c.deck, 0, sizeof c.deck[0] * (size_t)decks_for(end - first < CREW ? end - first : CREW));
+  while (first < end) {
+    first = gather_crew(&c, first, end);
+    for (int tick = 0; tick < ticks; tick++) make_tick(&c, commands);
+    dismiss_crew(&c);
   }
 }

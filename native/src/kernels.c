@@ -29,9 +29,10 @@ static const char *physics_refuses(const void *block, const double *x) {
   return grouser_physics_refuses((const grouser_physics *)block, x);
 }
 
-static void physics_evaluate_body(const void *block, const double *left, const double *right, double *forces,
+static void physics_evaluate_body(const void *block, const double *left, const double *right,
+                                  enum grouser_slopes_wanted wanted, double *forces,
                                   double slopes[GROUSER_OUTPUTS][3]) {
-  grouser_physics_body((const grouser_physics *)block, left, right, forces, slopes);
+  grouser_physics_body((const grouser_physics *)block, left, right, forces, wanted ? slopes : NULL);
 }
 
 static grouser_kernel physics_kernel(const grouser_physics *block) {
@@ -46,15 +47,15 @@ static void mlp_evaluate(const void *net, const double *x, double *forces, doubl
 }
 
 static void mlp_evaluate_block(const void *net, const grouser_block_rows *left, const grouser_block_rows *right,
-                               int want_slopes, grouser_block_forces *out) {
+                               enum grouser_slopes_wanted wanted, grouser_block_forces *out) {
   (void)right;
-  grouser_mlp_block((const grouser_mlp *)net, left, want_slopes, out);
+  grouser_mlp_block((const grouser_mlp *)net, left, wanted != GROUSER_NO_SLOPES, out);
 }
 
-static void mlp_evaluate_body(const void *net, const double *left, const double *right, double *forces,
-                              double slopes[GROUSER_OUTPUTS][3]) {
+static void mlp_evaluate_body(const void *net, const double *left, const double *right,
+                              enum grouser_slopes_wanted wanted, double *forces, double slopes[GROUSER_OUTPUTS][3]) {
   (void)right;
-  grouser_mlp_body((const grouser_mlp *)net, left, forces, slopes);
+  grouser_mlp_body((const grouser_mlp *)net, left, forces, wanted ? slopes : NULL);
 }
 
 static void mlp_evaluate_rows(const void *net, const double *x, ptrdiff_t rows, double *forces) {
@@ -85,13 +86,14 @@ static void track_net_evaluate_track(const void *net, const double *x, int side,
 }
 
 static void track_net_evaluate_block(const void *net, const grouser_block_rows *left, const grouser_block_rows *right,
-                                     int want_slopes, grouser_block_forces *out) {
-  grouser_track_net_block((const grouser_track_net *)net, left, right, want_slopes, out);
+                                     enum grouser_slopes_wanted wanted, grouser_block_forces *out) {
+  grouser_track_net_block((const grouser_track_net *)net, left, right, wanted, out);
 }
 
-static void track_net_evaluate_body(const void *net, const double *left, const double *right, double *forces,
+static void track_net_evaluate_body(const void *net, const double *left, const double *right,
+                                    enum grouser_slopes_wanted wanted, double *forces,
                                     double slopes[GROUSER_OUTPUTS][3]) {
-  grouser_track_net_body((const grouser_track_net *)net, left, right, forces, slopes);
+  grouser_track_net_body((const grouser_track_net *)net, left, right, wanted, forces, slopes);
 }
 
 static void track_net_evaluate_rows(const void *self, const double *x, ptrdiff_t rows, double *forces) {
@@ -103,7 +105,7 @@ static void track_net_evaluate_rows(const void *self, const double *x, ptrdiff_t
     grouser_block_forces out;
     for (int l = 0; l < GROUSER_BLOCK; l++)
       for (int n = 0; n < columns; n++) block.column[n][l] = x[(first + (l < count ? l : 0)) * columns + n];
-    grouser_track_net_block(net, &block, &block, 0, &out);
+    grouser_track_net_block(net, &block, &block, GROUSER_NO_SLOPES, &out);
     for (int l = 0; l < count; l++)
       for (int n = 0; n < GROUSER_OUTPUTS; n++) forces[(first + l) * GROUSER_OUTPUTS + n] = out.force[n][l];
   }

@@ -29,6 +29,10 @@ void grouser_mlp_body(const grouser_mlp *net, const double *x, double force[GROU
                       double slope[GROUSER_OUTPUTS][3]) {
   float in[(1 + GROUSER_SEEDS) * GROUSER_MAX_WIDTH], out[(1 + GROUSER_SEEDS) * GROUSER_MAX_WIDTH];
   const int inputs = net->dense.widths[0];
+  if (!slope) {
+    grouser_mlp_forces(net, x, force, NULL);
+    return;
+  }
   for (int i = 0; i < inputs; i++) {
     in[i] = (float)((x[i] - net->input_mean[i]) * net->input_gain[i]);
     for (int d = 0; d < GROUSER_SEEDS; d++)
@@ -37,7 +41,7 @@ void grouser_mlp_body(const grouser_mlp *net, const double *x, double force[GROU
   grouser_dense_dual(&net->dense, in, out);
   for (int n = 0; n < GROUSER_OUTPUTS; n++) {
     force[n] = net->output_mean[n] + net->output_scale[n] * (double)out[n];
-    for (int d = 0; slope && d < GROUSER_SEEDS; d++)
+    for (int d = 0; d < GROUSER_SEEDS; d++)
       slope[n][d] = net->output_scale[n] * (double)out[(1 + d) * GROUSER_MAX_WIDTH + n];
   }
 }

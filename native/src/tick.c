@@ -75,6 +75,11 @@ enum grouser_status grouser_tick_begin(const grouser_plant *plant, const grouser
             ? belts[side]
             : belt_after(traits, belts[side], command[side], plant->step / 2, traits->half_decay);
   }
+  /* A body on slipping tracks turns by about half of what its belts do: over a tick, by as much as they do in its second
+   * half. */
+  start->yaw_acceleration = ((start->belts[1] - start->row[GROUSER_V_RIGHT]) -
+                             (start->belts[0] - start->row[GROUSER_V_LEFT])) /
+                            (plant->vehicle.tread * plant->step);
   for (int p = 0; p < columns - GROUSER_TERRAIN; p++) start->row[GROUSER_TERRAIN + p] = start->footing.theta[0][p];
   start->guard = state->guard;
   if (plant->guard) {
@@ -101,6 +106,7 @@ enum grouser_status grouser_tick_solve(const grouser_plant *plant, grouser_tick_
       {plant->vehicle.mass, start->traits->yaw_inertia},
       plant->vehicle.tread,
       &start->footing,
+      start->yaw_acceleration,
       {plant->kernel, plant->guard ? plant->guard->fallback : NULL, start->guard.fallback_weight, 0}};
   int solved = solve(plant, start, &dynamics, step);
   if (dynamics.blend.primary_failed) {

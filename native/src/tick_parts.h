@@ -10,6 +10,7 @@ typedef struct {
   double cosine, sine;             /* of the heading at the tick's start, and at its end when it is finished */
   double belts[2];                 /* m/s, at the tick's end */
   double row[GROUSER_MAX_COLUMNS]; /* at its start, belts as the integrator takes them */
+  double yaw_acceleration;         /* rad/s^2, that the belts let expect */
   grouser_footing footing;
   grouser_guard_state guard;
   grouser_detection detection;

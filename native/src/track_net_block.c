@@ -54,8 +54,8 @@ GROUSER_INLINE grouser_slip lane_slip(const block_slip *slip, int l) {
   return s;
 }
 
-GROUSER_INLINE void block_shear_of(const grouser_track_net *net, const block_slip *slip, const int want_slopes,
-                                   block_shear *shear) {
+GROUSER_INLINE void block_shear_of(const grouser_track_net *net, const block_slip *slip,
+                                   const enum grouser_slopes_wanted wanted, block_shear *shear) {
   const grouser_physics *block = &net->block;
   for (int j = 0; j < GROUSER_POINTS; j++) {
     const grouser_part part = part_of(net, j);
@@ -63,7 +63,7 @@ GROUSER_INLINE void block_shear_of(const grouser_track_net *net, const block_sli
       const grouser_shear_point p = grouser_shear_at(lane_slip(slip, l), part);
       shear->x[j][l] = p.x;
       shear->y[j][l] = p.y;
-      if (!want_slopes) continue;
+      if (wanted == GROUSER_NO_SLOPES) continue;
       shear->x_by[0][j][l] = p.x_by_vx;
       shear->x_by[1][j][l] = p.x_by_vy;
       shear->x_by[2][j][l] = p.x_by_yaw;
@@ -78,7 +78,7 @@ GROUSER_INLINE void block_shear_of(const grouser_track_net *net, const block_sli
     const double by_z = 4 / ((g.z + 4) * (g.z + 4));
     shear->gate[l] = g.gate;
     shear->size[l] = g.z / (g.z + 4);
-    if (!want_slopes) continue;
+    if (wanted != GROUSER_EXACT_SLOPES) continue;
     shear->gate_by[0][l] = g.gate_by_z * g.z_by_vx;
     shear->gate_by[1][l] = g.gate_by_z * g.z_by_vy;
     shear->gate_by[2][l] = g.gate_by_z * g.z_by_yaw;
@@ -88,46 +88,61 @@ GROUSER_INLINE void block_shear_of(const grouser_track_net *net, const block_sli
   }
 }
 
-/* As grouser_side_load, grouser_element_shares and grouser_shear_strength. */
-static void block_load_of(const grouser_track_net *net, const grouser_block_rows *rows, enum grouser_side side,
-                          block_load *t) {
+/* As grouser_element_shares. */
+static void block_shares_of(const grouser_track_net *net, const grouser_block_rows *rows, lane_row *share) {
   const grouser_physics *block = &net->block;
-  const int count = block->wheels, soil = block->mode == GROUSER_SOIL;
-  const double area = block->element_length * block->track_width, lean_slope = -block->cg_height / block->gravity;
-  const double *strength = rows->column[GROUSER_TERRAIN], *angle = rows->column[GROUSER_TERRAIN + 1];
+  const int count = block->wheels;
+  const double lean_slope = -block->cg_height / block->gravity;
   double spread = 0;
-  lane_row total, tangent;
+  lane_row total;
   for (int i = 0; i < count; i++) spread += grouser_element_arm(block, i) * grouser_element_arm(block, i);
-  for (int l = 0; l < LANES; l++) {
-    double unused;
-    t->load[l] = grouser_side_load(block, rows->column[GROUSER_AY][l], side, &unused);
-    total[l] = 0;
-  }
+  for (int l = 0; l < LANES; l++) total[l] = 0;
   for (int i = 0; i < count; i++) {
     const double gain = spread > 0 ? grouser_element_arm(block, i) / spread : 0.0;
     for (int l = 0; l < LANES; l++) {
       const double lean = lean_slope * rows->column[GROUSER_AX][l] - block->contact_center;
       const double raw = 1.0 / count + gain * lean;
       /* A raw share that is not a number passes. */
-      t->stress[i][l] = raw < 0 ? 0.0 : raw;
-      total[l] += t->stress[i][l];
+      share[i][l] = raw < 0 ? 0.0 : raw;
+      total[l] += share[i][l];
     }
   }
-  if (soil)
-    /* Vehicles mostly share their ground, and the tangent is the dearest part. */
-    for (int l = 0; l < LANES; l++) tangent[l] = l > 0 && angle[l] == angle[l - 1] ? tangent[l - 1] : tan(angle[l]);
+  for (int i = 0; i < count; i++)
+    for (int l = 0; l < LANES; l++) share[i][l] /= total[l];
+}
+
+/* As grouser_side_load and grouser_shear_strength. */
+static void block_load_of(const grouser_track_net *net, const grouser_block_rows *rows, enum grouser_side side,
+                          const lane_row *share, block_load *t) {
+  const grouser_physics *block = &net->block;
+  const int count = block->wheels;
+  const double area = block->element_length * block->track_width, weight = block->mass * block->gravity;
+  const double transfer = (side == GROUSER_LEFT ? -1.0 : 1.0) * (block->mass * block->cg_height / block->tread);
+  const double *strength = rows->column[GROUSER_TERRAIN], *angle = rows->column[GROUSER_TERRAIN + 1];
+  for (int l = 0; l < LANES; l++) {
+    const double load = weight / 2 + transfer * rows->column[GROUSER_AY][l];
+    t->load[l] = load < 0 ? 0.0 : load > weight ? weight : load;
+  }
+  if (block->mode == GROUSER_RIGID) {
+    for (int i = 0; i < count; i++)
+      for (int l = 0; l < LANES; l++) t->stress[i][l] = strength[l] * (t->load[l] * share[i][l] / area) * area;
+    return;
+  }
+  lane_row tangent;
   const double full_contact = GROUSER_COHESION_FADE * block->mass * block->gravity / (2 * count);
+  /* Vehicles mostly share their ground, and the tangent is the dearest part. */
+  for (int l = 0; l < LANES; l++) tangent[l] = l > 0 && angle[l] == angle[l - 1] ? tangent[l - 1] : tan(angle[l]);
   for (int i = 0; i < count; i++)
     for (int l = 0; l < LANES; l++) {
-      const double load = t->load[l] * (t->stress[i][l] / total[l]), pressure = load / area;
+      const double load = t->load[l] * share[i][l], pressure = load / area;
       const double fade = load < full_contact ? load / full_contact : 1.0;
-      t->stress[i][l] = (soil ? strength[l] * fade + pressure * tangent[l] : strength[l] * pressure) * area;
+      t->stress[i][l] = (strength[l] * fade + pressure * tangent[l]) * area;
     }
 }
 
 /* Normalized features of one side, and their derivatives if wanted: rows of `stride` floats. */
 GROUSER_INLINE void block_features(const grouser_track_net *net, const block_slip *slip, const block_shear *shear,
-                                   const int want_slopes, float *in, size_t stride) {
+                                   const int exact, float *in, size_t stride) {
   for (int f = 0; f < GROUSER_FEATURES; f++) {
     const double mean = net->input_mean[f], gain = net->input_gain[f];
     const double *value = f < GROUSER_POINTS   ? shear->x[f]
@@ -136,7 +151,7 @@ GROUSER_INLINE void block_features(const grouser_track_net *net, const block_sli
                                                : slip->direction;
     float *row = in + (size_t)f * stride;
     for (int l = 0; l < LANES; l++) row[l] = (float)((value[l] - mean) * gain);
-    if (!want_slopes) continue;
+    if (!exact) continue;
     for (int d = 0; d < GROUSER_SEEDS; d++) {
       float *slope = row + (1 + d) * LANES;
       if (f > GROUSER_SHEAR) {
@@ -151,29 +166,35 @@ GROUSER_INLINE void block_features(const grouser_track_net *net, const block_sli
   }
 }
 
+/* What the wheels make of the shear at one point. One point at a time, since compilers mix up the points of a wheel. */
+GROUSER_INLINE void weigh_point(const block_load *t, const double by[GROUSER_MAX_WHEELS][GROUSER_POINTS], int wheels,
+                                int point, double *to) {
+  for (int l = 0; l < LANES; l++) to[l] = 0;
+  for (int i = 0; i < wheels; i++) {
+    const double *stress = t->stress[i], gain = by[i][point];
+    for (int l = 0; l < LANES; l++) to[l] += stress[l] * gain;
+  }
+}
+
 /* Adds a track's forces: along, across and turning of the mirrored track, then signs and levers. */
 GROUSER_INLINE void add_track(const grouser_track_net *net, const grouser_block_rows *rows, enum grouser_side side,
                               const block_slip *slip, const block_shear *shear, const block_load *t, const float *y,
-                              size_t stride, const int want_slopes, grouser_block_forces *out) {
+                              size_t stride, const enum grouser_slopes_wanted wanted, grouser_block_forces *out) {
   const grouser_physics *block = &net->block;
-  const int wheels = block->wheels, columns = grouser_columns(block->mode), parts = want_slopes ? 1 + GROUSER_SEEDS : 1;
+  const int wheels = block->wheels, columns = grouser_columns(block->mode), exact = wanted == GROUSER_EXACT_SLOPES;
+  const int parts = wanted == GROUSER_NO_SLOPES ? 1 : 1 + GROUSER_SEEDS, network_parts = exact ? parts : 1;
   const double sign = side == GROUSER_LEFT ? 1.0 : -1.0, half_tread = block->tread / 2, half = block->element_length / 2;
   const double *rolling = rows->column[columns - 2];
   lane_row sum[GROUSER_OUTPUTS][1 + GROUSER_SEEDS], force[GROUSER_OUTPUTS][1 + GROUSER_SEEDS];
   lane_row weight[GROUSER_POINTS], moment[GROUSER_POINTS];
-  memset(sum, 0, sizeof sum);
-  memset(weight, 0, sizeof weight);
-  memset(moment, 0, sizeof moment);
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) memset(sum[n], 0, sizeof sum[n][0] * (size_t)network_parts);
+  for (int j = 0; j < GROUSER_POINTS; j++) {
+    weigh_point(t, net->mean, wheels, j, weight[j]);
+    weigh_point(t, net->turning, wheels, j, moment[j]);
+  }
   for (int i = 0; i < wheels; i++) {
     const double *stress = t->stress[i], arm = net->arm[i];
-    for (int j = 0; j < GROUSER_POINTS; j++) {
-      const double mean = net->mean[i][j], turn = net->turning[i][j];
-      for (int l = 0; l < LANES; l++) {
-        weight[j][l] += stress[l] * mean;
-        moment[j][l] += stress[l] * turn;
-      }
-    }
-    for (int p = 0; p < parts; p++) {
+    for (int p = 0; p < network_parts; p++) {
       const float *along = y + (size_t)i * stride + (size_t)(p * LANES), *across = along + (size_t)wheels * stride;
       const float *turn = across + (size_t)wheels * stride;
       const double mean[3] = {p ? 0.0 : net->output_mean[i], p ? 0.0 : net->output_mean[wheels + i],
@@ -193,8 +214,8 @@ GROUSER_INLINE void add_track(const grouser_track_net *net, const grouser_block_
                                     : (n == 0 ? shear->x_by[p - 1][0] : shear->y_by[p - 1][0]);
       const double *by = n == 2 ? moment[0] : weight[0];
       for (int l = 0; l < LANES; l++) {
-        double value = shear->gate[l] * sum[n][p][l];
-        if (p > 0) value += shear->gate_by[p - 1][l] * sum[n][0][l];
+        double value = p < network_parts ? shear->gate[l] * sum[n][p][l] : 0.0;
+        if (exact && p > 0) value += shear->gate_by[p - 1][l] * sum[n][0][l];
         for (int j = 0; j < GROUSER_POINTS; j++) value += by[j * LANES + l] * points[j * LANES + l];
         force[n][p][l] = value;
       }
@@ -212,36 +233,44 @@ GROUSER_INLINE void add_track(const grouser_track_net *net, const grouser_block_
 }
 
 GROUSER_INLINE void track_net_block(const grouser_track_net *net, const grouser_block_rows *left,
-                                    const grouser_block_rows *right, const int want_slopes, grouser_block_forces *out) {
+                                    const grouser_block_rows *right, const enum grouser_slopes_wanted wanted,
+                                    grouser_block_forces *out) {
+  const int exact = wanted == GROUSER_EXACT_SLOPES;
   const grouser_block_rows *rows[BLOCK_SIDES] = {left, right};
   static const enum grouser_side sides[BLOCK_SIDES] = {GROUSER_LEFT, GROUSER_RIGHT};
   block_slip slip[BLOCK_SIDES];
   block_shear shear[BLOCK_SIDES];
   block_load load;
+  lane_row share[GROUSER_MAX_WHEELS];
   float in[GROUSER_FEATURES * GROUSER_DUAL], result[BLOCK_SIDES * GROUSER_MAX_UNITS * GROUSER_DUAL];
   float scratch[2 * GROUSER_MAX_WIDTH * GROUSER_DUAL];
-  const size_t stride = want_slopes ? (size_t)GROUSER_DUAL : (size_t)(BLOCK_SIDES * LANES);
-  memset(out, 0, sizeof *out);
+  const size_t stride = exact ? (size_t)GROUSER_DUAL : (size_t)(BLOCK_SIDES * LANES);
+  memset(out->force, 0, sizeof out->force);
+  if (wanted != GROUSER_NO_SLOPES) memset(out->slope, 0, sizeof out->slope);
   for (int k = 0; k < BLOCK_SIDES; k++) {
-    float *to = want_slopes ? in : in + k * LANES;
-    float *y = want_slopes ? result + (size_t)k * (size_t)(grouser_padded(3 * net->block.wheels) * GROUSER_DUAL) : result + k * LANES;
+    float *to = exact ? in : in + k * LANES;
+    float *y = exact ? result + (size_t)k * (size_t)(grouser_padded(3 * net->block.wheels) * GROUSER_DUAL) : result + k * LANES;
     block_slip_of(net, rows[k], sides[k], &slip[k]);
-    block_shear_of(net, &slip[k], want_slopes, &shear[k]);
-    block_features(net, &slip[k], &shear[k], want_slopes, to, stride);
-    if (want_slopes) grouser_dense_block(&net->dense, in, y, scratch);
+    block_shear_of(net, &slip[k], wanted, &shear[k]);
+    block_features(net, &slip[k], &shear[k], exact, to, stride);
+    if (exact) grouser_dense_block(&net->dense, in, y, scratch);
   }
-  if (!want_slopes) grouser_dense_batch(&net->dense, in, BLOCK_SIDES * LANES, result, scratch);
+  if (!exact) grouser_dense_batch(&net->dense, in, BLOCK_SIDES * LANES, result, scratch);
   for (int k = 0; k < BLOCK_SIDES; k++) {
-    const float *y = want_slopes ? result + (size_t)k * (size_t)(grouser_padded(3 * net->block.wheels) * GROUSER_DUAL) : result + k * LANES;
-    block_load_of(net, rows[k], sides[k], &load);
-    add_track(net, rows[k], sides[k], &slip[k], &shear[k], &load, y, stride, want_slopes, out);
+    const float *y = exact ? result + (size_t)k * (size_t)(grouser_padded(3 * net->block.wheels) * GROUSER_DUAL) : result + k * LANES;
+    if (k == 0 || rows[k] != rows[0]) block_shares_of(net, rows[k], share);
+    block_load_of(net, rows[k], sides[k], (const lane_row *)share, &load);
+    add_track(net, rows[k], sides[k], &slip[k], &shear[k], &load, y, stride, wanted, out);
   }
 }
 
 void grouser_track_net_block(const grouser_track_net *net, const grouser_block_rows *left,
-                             const grouser_block_rows *right, int want_slopes, grouser_block_forces *out) {
-  if (want_slopes)
-    track_net_block(net, left, right, 1, out);
+                             const grouser_block_rows *right, enum grouser_slopes_wanted wanted,
+                             grouser_block_forces *out) {
+  if (wanted == GROUSER_EXACT_SLOPES)
+    track_net_block(net, left, right, GROUSER_EXACT_SLOPES, out);
+  else if (wanted == GROUSER_LEADING_SLOPES)
+    track_net_block(net, left, right, GROUSER_LEADING_SLOPES, out);
   else
-    track_net_block(net, left, right, 0, out);
+    track_net_block(net, left, right, GROUSER_NO_SLOPES, out);
 }

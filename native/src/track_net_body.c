@@ -1,3 +1,4 @@
+#include <stddef.h>
 #include <string.h>
 
 #include "grouser/track_net.h"
@@ -8,7 +9,7 @@
  * both have the same bits. It goes on from the parts of track_net.c. */
 
 /* Adds one track with its slopes by the body's motion, operation by operation as a lane of the block. */
-static void add_side(const grouser_track_net *net, const double *x, enum grouser_side side,
+GROUSER_INLINE void add_side(const grouser_track_net *net, const double *x, enum grouser_side side, const int exact,
                      double force[GROUSER_OUTPUTS], double slope[GROUSER_OUTPUTS][3]) {
   enum { PARTS = 1 + GROUSER_SEEDS };
   const grouser_physics *block = &net->block;
@@ -30,7 +31,7 @@ static void add_side(const grouser_track_net *net, const double *x, enum grouser
   const double z_by[3] = {gate->z_by_vx, gate->z_by_vy, gate->z_by_yaw};
   const double size_by_z = 4 / ((gate->z + 4) * (gate->z + 4));
   read_features(net, &shear, 0, input);
-  for (int d = 0; d < GROUSER_SEEDS; d++) {
+  for (int d = 0; exact && d < GROUSER_SEEDS; d++) {
     float *row = input + (1 + d) * GROUSER_MAX_WIDTH;
     for (int j = 0; j < GROUSER_POINTS; j++) {
       row[j] = (float)(shear.x_by[d][j] * net->input_gain[j]);
@@ -39,11 +40,14 @@ static void add_side(const grouser_track_net *net, const double *x, enum grouser
     row[GROUSER_SHEAR] = (float)(size_by_z * z_by[d] * net->input_gain[GROUSER_SHEAR]);
     row[GROUSER_SHEAR + 1] = 0;
   }
-  grouser_dense_dual(&net->dense, input, output);
+  if (exact)
+    grouser_dense_dual(&net->dense, input, output);
+  else
+    grouser_dense_forward(&net->dense, input, output, NULL);
 
   memset(sum, 0, sizeof sum);
   for (int i = 0; i < wheels; i++)
-    for (int p = 0; p < PARTS; p++) {
+    for (int p = 0; p < (exact ? PARTS : 1); p++) {
       const float *y = output + p * GROUSER_MAX_WIDTH;
       const double mean[3] = {p ? 0.0 : net->output_mean[i], p ? 0.0 : net->output_mean[wheels + i],
                               p ? 0.0 : net->output_mean[2 * wheels + i]};
@@ -57,8 +61,8 @@ static void add_side(const grouser_track_net *net, const double *x, enum grouser
     for (int p = 0; p < PARTS; p++) {
       const double *points = p == 0 ? (n == 0 ? shear.x : shear.y) : (n == 0 ? shear.x_by[p - 1] : shear.y_by[p - 1]);
       const double *by = n == 2 ? load.moment : load.force;
-      double value = gate->gate * sum[n][p];
-      if (p > 0) value += gate->gate_by_z * z_by[p - 1] * sum[n][0];
+      double value = exact || p == 0 ? gate->gate * sum[n][p] : 0.0;
+      if (exact && p > 0) value += gate->gate_by_z * z_by[p - 1] * sum[n][0];
       for (int j = 0; j < GROUSER_POINTS; j++) value += by[j] * points[j];
       own[n][p] = value;
     }
@@ -76,11 +80,28 @@ static void add_side(const grouser_track_net *net, const double *x, enum grouser
   }
 }
 
+GROUSER_INLINE void add_sides(const grouser_track_net *net, const double *left, const double *right, const int exact,
+                              double force[GROUSER_OUTPUTS], double slope[GROUSER_OUTPUTS][3]) {
+  add_side(net, left, GROUSER_LEFT, exact, force, slope);
+  add_side(net, right, GROUSER_RIGHT, exact, force, slope);
+}
+
 void grouser_track_net_body(const grouser_track_net *net, const double *left, const double *right,
-                            double force[GROUSER_OUTPUTS], double slope[GROUSER_OUTPUTS][3]) {
-  double unused[GROUSER_OUTPUTS][3];
-  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = 0;
-  memset(slope ? slope : unused, 0, sizeof unused);
-  add_side(net, left, GROUSER_LEFT, force, slope ? slope : unused);
-  add_side(net, right ? right : left, GROUSER_RIGHT, force, slope ? slope : unused);
+                            enum grouser_slopes_wanted wanted, double force[GROUSER_OUTPUTS],
+                            double slope[GROUSER_OUTPUTS][3]) {
+  if (wanted != GROUSER_NO_SLOPES) {
+    for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = 0;
+    memset(slope, 0, sizeof(double) * GROUSER_OUTPUTS * 3);
+    if (wanted == GROUSER_EXACT_SLOPES)
+      add_sides(net, left, right ? right : left, 1, force, slope);
+    else
+      add_sides(net, left, right ? right : left, 0, force, slope);
+  } else if (right) {
+    double other[GROUSER_OUTPUTS];
+    grouser_track_net_track(net, left, GROUSER_LEFT, force, NULL);
+    grouser_track_net_track(net, right, GROUSER_RIGHT, other, NULL);
+    for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += other[n];
+  } else {
+    grouser_track_net_forces(net, left, force, NULL);
+  }
 }

@@ -83,5 +83,5 @@ def test_called_again_in_place_and_elsewhere_it_gives_the_same(
 
 def test_one_seed_for_everything() -> None:
     config = full_config(5)
-    assert (config.seed, config.training.seed, config.policy.seed) == (5, 5, 5)
+    assert (config.seed, config.training.seed) == (5, 5)
     assert full_config(0) == DemoConfig()

@@ -17,7 +17,8 @@ from grouser.surrogate.offline import DataConfig, TrainingConfig
 from grouser.terrain import ArtifactError, backend_names
 
 VERBS = (
-    "demo", "data", "train", "evaluate", "compare", "drive", "doctor", "rl train", "rl evaluate",
+    "demo", "data", "train", "evaluate", "compare", "drive", "doctor",
+    "rl train", "rl eval", "rl video", "rl record", "rl tune", "rl recipes",
     "list vehicles", "list terrains", "list backends", "list paths",
 )  # fmt: skip
 BARE = """

@@ -44,7 +44,7 @@ def test_main_leaves_with_the_code_and_without_a_traceback(tmp_path: Path) -> No
         (["train", "no-folder", "x.safetensors", "--hidden", "big"], "whole numbers such as 128,128"),
         (["train", "no-folder", "x.safetensors", "--output-weights", "1,x"], "numbers such as 1,1,3"),
         (["evaluate", "none.safetensors", "no-folder"], "cannot read artifact"),
-        (["rl", "evaluate", "none.safetensors"], "cannot read policy"),
+        (["rl", "eval", "none.safetensors"], "cannot read policy"),
     ],
 )  # fmt: skip
 def test_what_was_typed_wrong_is_named(call: Any, arguments: list[str], expected: str) -> None:
@@ -59,7 +59,7 @@ def test_a_truncated_artifact(call: Any, artifact: Path, dataset: Path, tmp_path
 
 
 def test_a_policy_is_no_surrogate_and_the_reverse(call: Any, artifact: Path) -> None:
-    assert "does not hold a path-tracking policy" in line(call("rl", "evaluate", artifact, code=2))
+    assert "does not hold a policy" in line(call("rl", "eval", artifact, code=2))
 
 
 def test_a_path_file_that_holds_none(call: Any, tmp_path: Path) -> None:
@@ -87,6 +87,7 @@ def test_debug_shows_the_traceback(call: Any, tmp_path: Path) -> None:
         (["data", "x"], "grouser.surrogate.offline.generate_dataset", "finished runs are kept"),
         (["demo"], "grouser.controllers.demonstration.run_demonstration", "goes on from there"),
         (["train", "x", "y.safetensors"], "grouser.surrogate.offline.load_dataset", "ends at the same weights"),
+        (["rl", "train", "path-tracking", "-o", "x"], "grouser.controllers.train_policy", "goes on with --resume"),
         (["evaluate", "x", "y"], "grouser.surrogate.Surrogate.load", "nothing was kept"),
     ],
 )

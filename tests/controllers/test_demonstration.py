@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from grouser.controllers import Drive, PathTrackingMPC, PolicyDriver, PPOConfig, TrackingPolicy, demonstration
+from grouser.controllers import Drive, PathTrackingMPC, PolicyDriver, demonstration, load_policy
 from grouser.controllers.demonstration import DemoConfig, demo_scenarios, run_demonstration
 from grouser.surrogate import Surrogate
 from grouser.surrogate.offline import TrainingConfig
@@ -30,7 +30,16 @@ def tiny(folder: FilePath, **changes: Any) -> DemoConfig:
         training=TrainingConfig(
             epochs=6, batch_size=256, hidden=(32,), learning_rate=1e-2, learning_rate_decay=0.7, perturbed_copies=1
         ),
-        policy=PPOConfig(steps=128, environments=2, rollout_steps=64, batch_size=64, epochs=1, hidden=(8,)),
+        policy=DemoConfig().policy.changed(
+            {
+                "n_timesteps": 128,
+                "n_envs": 2,
+                "n_steps": 64,
+                "batch_size": 64,
+                "n_epochs": 1,
+                "policy_kwargs.net_arch": [8],
+            }
+        ),
         path=str(path),
         speed=4.0,
         ice_from=4.0,
@@ -106,10 +115,10 @@ def test_a_first_call_makes_everything_and_leaves_nothing_half_done(finished: Fi
     config, folder = finished(tmp_path / "demo")
     for mode in MODES:
         surrogate = Surrogate.load(folder / "artifacts" / f"m113-{mode}.safetensors")
-        policy = TrackingPolicy.load(folder / "policies" / f"m113-{mode}.safetensors")
+        policy = load_policy(folder / "policies" / f"m113-{mode}.safetensors")
         assert surrogate.mode == mode
-        assert policy.recipe["backend"]["artifact"] == surrogate.content_hash
-        assert policy.config.reference_speed == config.speed
+        assert policy.environment["backend"]["artifact"] == surrogate.content_hash
+        assert policy.environment["settings"]["reference_speed"] == config.speed
     assert sorted(item.name for item in folder.iterdir()) == ["artifacts", "compare.json", "data", "policies"]
     assert not [file for file in folder.rglob(".*")]
 
@@ -141,7 +150,7 @@ def test_damaged_parts_are_made_again_as_they_were(finished: Finished, tmp_path:
 def test_another_policy_recipe_makes_the_policies_again_and_only_them(finished: Finished, tmp_path: FilePath) -> None:
     config, folder = finished(tmp_path / "demo")
     before = made_in(folder)
-    run_demonstration(replace(config, policy=replace(config.policy, learning_rate=5e-4)), folder, workers=1)
+    run_demonstration(replace(config, policy=config.policy.changed({"learning_rate": 5e-4})), folder, workers=1)
     assert rewritten(before, made_in(folder)) == {f"policies/m113-{mode}.safetensors" for mode in MODES}
 
 
@@ -160,16 +169,16 @@ def test_another_speed_makes_the_policies_again(finished: Finished, tmp_path: Fi
     config, folder = finished(tmp_path / "demo")
     run_demonstration(replace(config, speed=3.0), folder, workers=1)
     for mode in MODES:
-        policy = TrackingPolicy.load(folder / "policies" / f"m113-{mode}.safetensors")
-        assert policy.config.reference_speed == 3.0
+        policy = load_policy(folder / "policies" / f"m113-{mode}.safetensors")
+        assert policy.environment["settings"]["reference_speed"] == 3.0
 
 
 def test_another_path_makes_the_policies_again(finished: Finished, tmp_path: FilePath) -> None:
     config, folder = finished(tmp_path / "demo")
     run_demonstration(replace(config, path="straight"), folder, workers=1)
     for mode in MODES:
-        policy = TrackingPolicy.load(folder / "policies" / f"m113-{mode}.safetensors")
-        assert policy.recipe["path"] == "straight"
+        policy = load_policy(folder / "policies" / f"m113-{mode}.safetensors")
+        assert policy.environment["arguments"]["path"] == "straight"
 
 
 def test_the_seed_is_that_of_everything_that_is_drawn(tmp_path: FilePath) -> None:
@@ -177,7 +186,7 @@ def test_the_seed_is_that_of_everything_that_is_drawn(tmp_path: FilePath) -> Non
     run_demonstration(config, tmp_path / "demo", workers=1)
     for mode in MODES:
         surrogate = Surrogate.load(tmp_path / "demo" / "artifacts" / f"m113-{mode}.safetensors")
-        policy = TrackingPolicy.load(tmp_path / "demo" / "policies" / f"m113-{mode}.safetensors")
+        policy = load_policy(tmp_path / "demo" / "policies" / f"m113-{mode}.safetensors")
         assert surrogate.recipe["seed"] == 3
         assert policy.recipe["seed"] == 3
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grouser.envs import BeltCommand, Simulator, VehicleState
+from grouser.envs import BeltCommand, Simulator, VehicleState, tick
 from grouser.surrogate import BoxMahalanobisDetector, DenseNetwork, Normalizer, Surrogate
 from grouser.terrain import FloatArray, ForceBackend, Mode, PhysicsBackend, TrackedVehicle, parameter_ranges
 
@@ -104,6 +104,12 @@ def m113() -> TrackedVehicle:
 @pytest.fixture
 def viscous() -> type[Viscous]:
     return Viscous
+
+
+@pytest.fixture
+def newton_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the simulator's ticks solved as if Broyden's method had failed."""
+    monkeypatch.setattr(tick, "_broyden_step", lambda *_: None)
 
 
 @pytest.fixture

@@ -507,6 +507,17 @@ def test_hard_grip_takes_damping_the_second_guess_and_halved_ticks_as_the_simula
 # Physics of the whole
 
 
+@pytest.mark.parametrize("name", ["physics", "native"])
+def test_a_steady_drive_and_a_vehicle_at_rest_cost_no_step(name: str) -> None:
+    fleet = VehicleFleet(M113, name, ASPHALT, 2, state=VehicleState.rolling(4.0))
+    belts = np.array([[4.0, 4.4], [0.0, 0.0]])
+    fleet.advance(belts, 1500)
+    before = fleet.numbers[3:10].copy()
+    fleet.advance(belts)
+    assert fleet.record.iterations.tolist() == [0.0, 0.0]
+    np.testing.assert_allclose(fleet.numbers[3:10], before, rtol=0, atol=1e-12)
+
+
 def test_a_braked_vehicle_comes_to_rest_without_chatter() -> None:
     fleet = VehicleFleet(M113, "physics", [ASPHALT, SLICK], 2, state=VehicleState.rolling(5.0))
     speeds = []

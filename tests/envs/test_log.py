@@ -233,6 +233,7 @@ def test_meta_holds_what_is_needed_to_repeat_the_drive(drive: Drive, integrator:
     assert meta["backend"] == json.loads(json.dumps(PhysicsBackend(M113, "rigid").describe()))
 
 
+@pytest.mark.usefixtures("newton_alone")
 def test_divided_ticks_are_marked(viscous: Callable[..., ForceBackend], scripted: Any) -> None:
     """Their inputs and forces are those of the last part, so that only ``divisions == 1`` rows balance."""
     backend = viscous(rate=30.0, jacobian_scale=0.0)

@@ -103,7 +103,7 @@ def test_order_of_convergence(terrain: Terrain, integrator: Integrator, order: i
 
 
 @pytest.mark.parametrize("terrain", [RigidTerrain(1.0, 0.03, 0.005), named("snow-us")], ids=["rigid", "soil"])
-def test_newton_solves_to_tolerance_in_a_few_steps(terrain: Terrain, weave: Any) -> None:
+def test_a_tick_is_solved_to_tolerance_in_a_few_steps(terrain: Terrain, weave: Any) -> None:
     simulator = Simulator(M113, "physics", terrain)
     states = [simulator.get_state()]
     _, records = weave(simulator, 400)
@@ -119,19 +119,41 @@ def test_newton_solves_to_tolerance_in_a_few_steps(terrain: Terrain, weave: Any)
             b.yaw_rate - a.yaw_rate - h * mz / inertia,
         )
         assert sum(map(abs, residual)) <= 1e-11
-        assert record.iterations <= 8
+        assert record.iterations <= 12
     assert np.mean([record.divisions == 1 for record in records]) > 0.95
-    # Two to four on average; abrupt commands on the stiffest ground are the dearest.
+    # Three to five on average; abrupt commands on the stiffest ground are the dearest.
     assert np.mean([record.iterations for record in records]) <= 5
 
 
-def test_an_accepted_first_guess_costs_no_newton_step() -> None:
+def test_a_vehicle_that_stands_costs_no_step() -> None:
     assert Simulator(M113, "physics", GROUND).step(IDLE).iterations == 0
 
 
-class TestDivision:
-    """With a Jacobian of zero, Newton's iteration is y ← y₀ + h f(y): each step shrinks the residual by z = h·rate.
+def test_a_wrong_jacobian_is_corrected_on_the_way(viscous: Make) -> None:
+    """Of a linear force in one direction Broyden's method knows all after one step."""
+    backend = viscous(rate=70.0, jacobian_scale=0.0)
+    record = Simulator(M113, backend, GROUND, state=VehicleState(vx=1.0)).step(IDLE)
+    assert (record.iterations, record.divisions) == (2, 1)
+    assert record.state.vx == pytest.approx(1 / 1.7, abs=1e-11)
 
+
+def test_the_forces_of_the_last_tick_are_the_first_guess(viscous: Make) -> None:
+    """With a memory of the very acceleration to come, one step mends what rounding left, without any slopes."""
+    backend, start = viscous(rate=70.0, jacobian_scale=0.0), VehicleState(vx=3.0, vy=-0.5)
+    remembered = replace(start, ax=-70.0 * 3.0 / 1.7, ay=70.0 * 0.5 / 1.7)
+    record = Simulator(M113, backend, GROUND, state=remembered).step(IDLE)
+    assert (record.state.vx, record.state.vy) == pytest.approx((3.0 / 1.7, -0.5 / 1.7), abs=1e-11)
+    assert (record.iterations, record.divisions) == (1, 1)
+    forgetful = Simulator(M113, backend, GROUND, state=start).step(IDLE)
+    assert (forgetful.state.vx, forgetful.state.vy) == pytest.approx((3.0 / 1.7, -0.5 / 1.7), abs=2e-11)
+    assert forgetful.iterations > 1
+
+
+@pytest.mark.usefixtures("newton_alone")
+class TestDivision:
+    """Where Broyden's method fails.
+
+    With a Jacobian of zero, Newton's iteration is y ← y₀ + h f(y): each step shrinks the residual by z = h·rate.
     The first residual is z·v₀, so that eight steps reach z⁹ v₀; a tick converges if that is within 1e-11.
     """
 

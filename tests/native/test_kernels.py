@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compiled_kernel import BLOCK, block_forces, body_forces
+from compiled_kernel import BLOCK, Slopes, block_forces, body_forces
 
 from grouser.native import Mlp, cpu_level
 from grouser.surrogate import NativeSurrogate, Surrogate
@@ -67,8 +67,8 @@ every_mode = pytest.mark.parametrize("mode", MODES)
 @every_network
 def test_a_block_returns_the_forces_of_its_rows_to_the_bit(name: str, mode: Mode) -> None:
     backend, x = compiled(name, mode), rows(mode, BLOCK)
-    with_slopes, _ = block_forces(backend.kernel, x, x, slopes=True)
-    without, _ = block_forces(backend.kernel, x, x, slopes=False)
+    with_slopes, _ = block_forces(backend.kernel, x, x)
+    without, _ = block_forces(backend.kernel, x, x, Slopes.NONE)
     expected = np.array([backend.forces(row) for row in x])
     np.testing.assert_array_equal(with_slopes, expected)
     np.testing.assert_array_equal(without, expected)
@@ -78,10 +78,23 @@ def test_a_block_returns_the_forces_of_its_rows_to_the_bit(name: str, mode: Mode
 @every_network
 def test_slopes_of_a_block_are_the_jacobian_by_the_body(name: str, mode: Mode) -> None:
     backend, x = compiled(name, mode), rows(mode, BLOCK, 1)
-    _, slopes = block_forces(backend.kernel, x, x, slopes=True)
+    _, slopes = block_forces(backend.kernel, x, x)
     _, jacobian = backend.forces_and_jacobian(x)
     scale = np.abs(jacobian[:, :, :3]).max(axis=0)
     assert np.max(np.abs(slopes - jacobian[:, :, :3]) / scale) < 1e-5
+
+
+@every_mode
+@every_network
+def test_leading_slopes_are_near_the_exact_ones_and_cost_the_forces_no_bit(name: str, mode: Mode) -> None:
+    backend, x = compiled(name, mode), rows(mode, BLOCK, 21)
+    forces, exact = block_forces(backend.kernel, x, x)
+    same_forces, leading = block_forces(backend.kernel, x, x, Slopes.LEADING)
+    np.testing.assert_array_equal(same_forces, forces)
+    if name == "plain":
+        np.testing.assert_array_equal(leading, exact)
+    else:
+        assert np.linalg.norm(leading - exact) < 0.2 * np.linalg.norm(exact)
 
 
 @every_mode
@@ -89,7 +102,7 @@ def test_a_block_takes_each_track_from_its_own_ground(mode: Mode) -> None:
     backend, left = compiled("structured", mode), rows(mode, BLOCK, 2)
     right = left.copy()
     right[:, 7:] = rows(mode, BLOCK, 3)[:, 7:]
-    forces, _ = block_forces(backend.kernel, left, right, slopes=True)
+    forces, _ = block_forces(backend.kernel, left, right)
     np.testing.assert_array_equal(forces, backend.track_forces(left, right).sum(axis=1))
 
 
@@ -97,11 +110,11 @@ def test_a_block_takes_each_track_from_its_own_ground(mode: Mode) -> None:
 @every_network
 def test_a_lane_that_is_not_a_number_leaves_the_others_alone(name: str, mode: Mode) -> None:
     backend, x = compiled(name, mode), rows(mode, BLOCK, 4)
-    expected, expected_slopes = block_forces(backend.kernel, x, x, slopes=True)
+    expected, expected_slopes = block_forces(backend.kernel, x, x)
     for column in range(x.shape[1]):
         bad = x.copy()
         bad[5, column] = np.nan
-        forces, slopes = block_forces(backend.kernel, bad, bad, slopes=True)
+        forces, slopes = block_forces(backend.kernel, bad, bad)
         others = np.arange(BLOCK) != 5
         np.testing.assert_array_equal(forces[others], expected[others])
         np.testing.assert_array_equal(slopes[others], expected_slopes[others])
@@ -179,16 +192,20 @@ def test_forces_of_a_body_come_with_its_share_of_the_jacobian(name: str, mode: M
 
 @every_mode
 @every_network
-def test_a_body_alone_is_a_lane_of_a_block_to_the_bit(name: str, mode: Mode) -> None:
+@pytest.mark.parametrize("wanted", Slopes)
+def test_a_body_alone_is_a_lane_of_a_block_to_the_bit(name: str, mode: Mode, wanted: Slopes) -> None:
     backend, left = compiled(name, mode), rows(mode, BLOCK, 19)
     right = left.copy()
     if name == "structured":
         right[:, 7:] = rows(mode, BLOCK, 20)[:, 7:]
-    forces, slopes = block_forces(backend.kernel, left, right, slopes=True)
+    forces, slopes = block_forces(backend.kernel, left, right, wanted)
     for lane in range(BLOCK):
-        alone, alone_slopes = body_forces(backend.kernel, left[lane], right[lane])
+        alone, alone_slopes = body_forces(backend.kernel, left[lane], right[lane], wanted)
         np.testing.assert_array_equal(alone, forces[lane])
-        np.testing.assert_array_equal(alone_slopes, slopes[lane])
+        if wanted is not Slopes.NONE:
+            np.testing.assert_array_equal(alone_slopes, slopes[lane])
+        together, _ = body_forces(backend.kernel, left[lane], None, wanted)
+        np.testing.assert_array_equal(together, backend.forces(left[lane]))
 
 
 # --- bound arrays

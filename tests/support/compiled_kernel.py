@@ -1,6 +1,7 @@
 """The C view of a compiled backend's kernel, as other compiled code gets it from its capsule."""
 
 import ctypes
+import enum
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,7 @@ class _Kernel(ctypes.Structure):
         ("evaluate_rows", ctypes.c_void_p),
         (
             "evaluate_body",
-            ctypes.CFUNCTYPE(None, ctypes.c_void_p, _double_p, _double_p, _double_p, _double_p),
+            ctypes.CFUNCTYPE(None, ctypes.c_void_p, _double_p, _double_p, ctypes.c_int, _double_p, _double_p),
         ),
     )
 
@@ -56,7 +57,17 @@ def kernel_of(compiled: Any) -> _Kernel:
     return _Kernel.from_address(read(compiled.kernel, b"grouser.kernel"))
 
 
-def block_forces(compiled: Any, left: FloatArray, right: FloatArray, *, slopes: bool) -> tuple[FloatArray, FloatArray]:
+class Slopes(enum.IntEnum):
+    """Those that are wanted, as in the C header."""
+
+    NONE = 0
+    LEADING = 1
+    EXACT = 2
+
+
+def block_forces(
+    compiled: Any, left: FloatArray, right: FloatArray, wanted: Slopes = Slopes.EXACT
+) -> tuple[FloatArray, FloatArray]:
     """Return forces (16, 3) and slopes by vx, vy, yaw rate (16, 3, 3) of 16 rows a track."""
     kernel = kernel_of(compiled)
     rows = []
@@ -66,14 +77,16 @@ def block_forces(compiled: Any, left: FloatArray, right: FloatArray, *, slopes: 
             each.column[column][:] = values.tolist()
         rows.append(each)
     out = _Forces()
-    kernel.evaluate_block(kernel.self, rows[0], rows[1], int(slopes), out)
+    kernel.evaluate_block(kernel.self, rows[0], rows[1], wanted, out)
     return np.array(out.force).T, np.moveaxis(np.array(out.slope), -1, 0)
 
 
-def body_forces(compiled: Any, left: FloatArray, right: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+def body_forces(
+    compiled: Any, left: FloatArray, right: FloatArray | None, wanted: Slopes = Slopes.EXACT
+) -> tuple[FloatArray, FloatArray]:
     """Return forces (3,) and slopes by vx, vy, yaw rate (3, 3) of one row, or of one a track."""
     kernel = kernel_of(compiled)
     forces, slopes = np.empty(3), np.empty((3, 3))
-    arrays = [None if a is None else a.ctypes.data_as(_double_p) for a in (left, right, forces, slopes)]
-    kernel.evaluate_body(kernel.self, *arrays)
+    x, y, q, dq = (None if a is None else a.ctypes.data_as(_double_p) for a in (left, right, forces, slopes))
+    kernel.evaluate_body(kernel.self, x, y, wanted, q, dq)
     return forces, slopes

@@ -51,10 +51,11 @@ typedef struct {
 } grouser_blend;
 
 /* Forces of one vehicle and their derivatives by vx, vy and yaw rate; NaN where a row is refused. `right` is the row of
- * the right track, or NULL where it is that of the left one. `slopes` may be NULL, but not over a fallback: a primary
- * whose slopes are not finite has failed. */
+ * the right track, or NULL where it is that of the left one. `slopes` may be NULL; where they are wanted, a primary
+ * whose slopes are not finite has failed, too. */
 void grouser_kernel_forces(const grouser_kernel *kernel, const double *left, const double *right,
-                           double forces[GROUSER_OUTPUTS], double slopes[GROUSER_OUTPUTS][3]);
+                           enum grouser_slopes_wanted wanted, double forces[GROUSER_OUTPUTS],
+                           double slopes[GROUSER_OUTPUTS][3]);
 void grouser_blend_forces(grouser_blend *blend, const double *left, const double *right,
                           double forces[GROUSER_OUTPUTS], double slopes[GROUSER_OUTPUTS][3]);
 

@@ -23,6 +23,10 @@ typedef struct {
   double slope[GROUSER_OUTPUTS][3][GROUSER_BLOCK];
 } grouser_block_forces;
 
+/* Which slopes are asked for. Leading ones may leave out what is small but dear, such as what a network adds to the
+ * equations that it stands in: enough to begin an iteration that corrects its matrix on the way. */
+enum grouser_slopes_wanted { GROUSER_NO_SLOPES, GROUSER_LEADING_SLOPES, GROUSER_EXACT_SLOPES };
+
 typedef struct {
   const void *self;
   int columns;
@@ -32,16 +36,16 @@ typedef struct {
   const char *(*refuses)(const void *self, const double *x);
   /* Writes the same of one track (0 left, 1 right); NULL where the tracks are not known apart. */
   void (*evaluate_track)(const void *self, const double *x, int side, double *forces, double *jacobian);
-  /* Evaluates a block, each track from its own rows (right may be left itself), with slopes or without. A lane whose
-   * row is not finite gives NaN there and leaves the others alone. NULL where rows are taken one by one. */
+  /* Evaluates a block, each track from its own rows (right may be left itself). A lane whose row is not finite gives
+   * NaN there and leaves the others alone. NULL where rows are taken one by one. */
   void (*evaluate_block)(const void *self, const grouser_block_rows *left, const grouser_block_rows *right,
-                         int want_slopes, grouser_block_forces *out);
+                         enum grouser_slopes_wanted wanted, grouser_block_forces *out);
   /* Writes the forces (rows x 3) of many rows; NULL where that is no faster than one by one. */
   void (*evaluate_rows)(const void *self, const double *x, ptrdiff_t rows, double *forces);
-  /* Writes the forces of one vehicle, the right track from its own row or, if NULL, from the left one, and unless NULL
-   * their slopes by vx, vy and yaw rate; NULL where evaluate is as good. */
-  void (*evaluate_body)(const void *self, const double *left, const double *right, double *forces,
-                        double slopes[GROUSER_OUTPUTS][3]);
+  /* Writes the forces of one vehicle, the right track from its own row or, if NULL, from the left one, and their slopes
+   * by vx, vy and yaw rate, as far as they are wanted; NULL where evaluate is as good. */
+  void (*evaluate_body)(const void *self, const double *left, const double *right, enum grouser_slopes_wanted wanted,
+                        double *forces, double slopes[GROUSER_OUTPUTS][3]);
 } grouser_kernel;
 
 #endif

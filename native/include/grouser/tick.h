@@ -57,7 +57,7 @@ typedef struct {
 typedef struct {
   double row[GROUSER_MAX_COLUMNS]; /* as the block received it in the accepted evaluation */
   double force[GROUSER_OUTPUTS];   /* what it returned */
-  int iterations, divisions;       /* Newton steps, and parts that the tick was solved in */
+  int iterations, divisions;       /* Broyden's or Newton's steps, and parts that the tick was solved in */
   grouser_detection detection;     /* of the row at the tick's start; none, 0, without a guard */
 } grouser_tick_record;
 

@@ -1,0 +1,131 @@
+"""Pure pursuit in ``grouser/PathTracking-v0``, and its settings searched on physics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any, Final
+
+import numpy as np
+
+from grouser.controllers import PurePursuit, PurePursuitConfig, SlipParameters, identify_slip
+from grouser.envs import PathTrackingEnv
+from grouser.terrain import named
+
+# The slip model is that of the ground, and the search may still weaken the feed-forward of its yaw gain.
+_LOOKAHEAD_TIMES: Final = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.1)
+_PROPORTIONAL: Final = (0.5, 1.0, 2.0, 4.0)
+_INTEGRAL: Final = (0.0, 0.5)
+_YAW_GAIN_SHARES: Final = (0.9, 1.0, 1.15)
+
+
+@dataclass(frozen=True)
+class Pursuit:
+    """Pure pursuit as it is set.
+
+    Parameters
+    ----------
+    config : PurePursuitConfig
+        Settings.
+    slip : SlipParameters
+        Losses that it makes up for.
+    """
+
+    config: PurePursuitConfig
+    slip: SlipParameters
+
+
+@dataclass(frozen=True)
+class Drives:
+    """Episodes, one a seed.
+
+    Parameters
+    ----------
+    returns, cross_track_rmse : ndarray, shape (n,)
+        Of each.
+    lengths : ndarray, shape (n,)
+        Steps.
+    """
+
+    returns: np.ndarray
+    cross_track_rmse: np.ndarray
+    lengths: np.ndarray
+
+
+def drive(environment: PathTrackingEnv, act: Callable[[np.ndarray], np.ndarray], seeds: Sequence[int]) -> Drives:
+    """Drive whole episodes; ``act`` takes the observation."""
+    returns, errors, lengths = [], [], []
+    for seed in seeds:
+        observation, _ = environment.reset(seed=seed)
+        total, squares, ended = 0.0, [], False
+        while not ended:
+            observation, reward, terminated, truncated, info = environment.step(act(observation))
+            total += reward
+            squares.append(info["cross_track_error"] ** 2)
+            ended = terminated or truncated
+        returns.append(total)
+        errors.append(np.sqrt(np.mean(squares)))
+        lengths.append(len(squares))
+    return Drives(np.array(returns), np.array(errors), np.array(lengths))
+
+
+def pursue(environment: PathTrackingEnv, pursuit: Pursuit, seeds: Sequence[int]) -> Drives:
+    """Drive whole episodes by pure pursuit, at the speed at which progress earns most.
+
+    Parameters
+    ----------
+    environment : PathTrackingEnv
+        Whose actions are belt speeds.
+    pursuit : Pursuit
+        The settings.
+    seeds : sequence of int
+        Of the resets.
+    """
+    driver = PurePursuit(
+        environment.path, environment.vehicle, environment.reference_speed, slip=pursuit.slip, config=pursuit.config
+    )
+    limit = environment.vehicle.training_speed
+    found: list[Drives] = []
+    for seed in seeds:
+        driver.reset()
+
+        def act(_: Any) -> np.ndarray:
+            command = driver.command(environment.simulator.get_state())
+            return np.clip(np.array([command.left, command.right]) / limit, -1, 1).astype(np.float32)
+
+        found.append(drive(environment, act, [seed]))
+    return Drives(
+        np.concatenate([each.returns for each in found]),
+        np.concatenate([each.cross_track_rmse for each in found]),
+        np.concatenate([each.lengths for each in found]),
+    )
+
+
+def tuned(environment: PathTrackingEnv, terrain: str, seeds: Sequence[int]) -> dict[str, Pursuit]:
+    """Return the settings of the smallest cross-track RMSE and those of the largest return over the seeds.
+
+    Parameters
+    ----------
+    environment : PathTrackingEnv
+        On physics.
+    terrain : str
+        Ground that the slip parameters are identified on.
+    seeds : sequence of int
+        None of those that are judged.
+    """
+    slip = identify_slip(environment.vehicle, named(terrain), environment.simulator.backend)
+    found = []
+    for lookahead, proportional, integral, share in product(
+        _LOOKAHEAD_TIMES, _PROPORTIONAL, _INTEGRAL, _YAW_GAIN_SHARES
+    ):
+        config = PurePursuitConfig(
+            lookahead_time=lookahead, lookahead_minimum=0.8, proportional=proportional, integral=integral
+        )
+        pursuit = Pursuit(config, replace(slip, yaw_gain=min(1.0, share * slip.yaw_gain)))
+        driven = pursue(environment, pursuit, seeds)
+        found.append((float(driven.cross_track_rmse.mean()), float(driven.returns.mean()), pursuit))
+    return {
+        "pure pursuit, tuned for cross-track RMSE": min(found, key=lambda entry: entry[0])[2],
+        "pure pursuit, tuned for return": max(found, key=lambda entry: entry[1])[2],
+    }
