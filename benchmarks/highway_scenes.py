@@ -3,7 +3,8 @@
     python -P benchmarks/highway_scenes.py --output docs
 
 It writes ``figures/highway-parking.png``, ``figures/highway-offroad.png`` and ``results/highway.json``. The times are
-those of one thread; contenders take turns, so that the ratios carry over to another machine.
+those of one thread; contenders take turns, so that the ratios carry over to another machine. With ``--figures-only``
+nothing is timed.
 """
 
 from __future__ import annotations
@@ -115,11 +116,15 @@ def measure() -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--output", type=Path, default=Path("build/highway"))
-    output: Path = parser.parse_args().output
+    parser.add_argument("--figures-only", action="store_true")
+    arguments = parser.parse_args()
+    output: Path = arguments.output
     for folder in ("figures", "results"):
         (output / folder).mkdir(parents=True, exist_ok=True)
     draw_parking(output / "figures" / "highway-parking.png")
     draw_offroad(output / "figures" / "highway-offroad.png")
+    if arguments.figures_only:
+        return
     measured = {"command": "python -P benchmarks/highway_scenes.py --output docs", "rates": measure()}
     write_json(output / "results" / "highway.json", measured)
     print(json.dumps(measured["rates"], indent=2))

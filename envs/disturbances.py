@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Dict
 from numpy.typing import ArrayLike, NDArray
 
 from ..terrain import ConfigurationError, InvalidInputError
@@ -52,6 +52,11 @@ class GaussianNoise:
     """
 
     def __init__(self, standard_deviation: ArrayLike, space: Any, count: int) -> None:
+        if isinstance(space, Dict) and "achieved_goal" in space.spaces:
+            raise ConfigurationError(
+                "noise is not for goal-conditioned tasks: their rewards are those of the goals that are observed, so that "
+                "noise on a goal would change what is earned, and without it the pose would be seen exactly"
+            )
         if not isinstance(space, Box) or space.dtype != np.float32 or len(space.shape) != 1:
             raise ConfigurationError(f"noise goes on observations from a float32 Box of one axis, got {space}")
         try:

@@ -1,4 +1,4 @@
-"""How the belts follow their commands: a rate-limited first-order lag, integrated exactly."""
+"""Which belts a motion asks for, and how they follow: a rate-limited first-order lag, integrated exactly."""
 
 from __future__ import annotations
 
@@ -55,6 +55,28 @@ def advance_belts(
         for speed, target in zip(belts, command, strict=True)
     )
     return left, right
+
+
+def twist_belts(speed: float, yaw_rate: float, *, tread: float, limit: float) -> BeltCommand:
+    """Return the belts that roll at a speed and yaw rate without slip, each cut to ±``limit``.
+
+    Parameters
+    ----------
+    speed, yaw_rate : float
+        In m/s and rad/s.
+    tread : float
+        B in m.
+    limit : float
+        In m/s.
+
+    Examples
+    --------
+    >>> twist_belts(2.0, 0.5, tread=2.0, limit=10.0)
+    BeltCommand(left=1.5, right=2.5)
+    """
+    half_difference = yaw_rate * tread / 2
+    left, right = (min(limit, max(-limit, belt)) for belt in (speed - half_difference, speed + half_difference))
+    return BeltCommand(left, right)
 
 
 def check_command(vehicle: TrackedVehicle, command: BeltCommand) -> BeltCommand:

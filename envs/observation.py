@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..terrain import FloatArray, Ground, Mode, TrackedVehicle, parameter_ranges
+from .driveline import twist_belts
 from .path import Path, Projection
 from .state import BeltCommand, VehicleState
 from .task_config import TaskConfig
@@ -32,8 +33,7 @@ def reference_speed(vehicle: TrackedVehicle, config: TrackingConfig) -> float:
 
 def observation_size(mode: Mode, config: TaskConfig) -> int:
     """Return the length of an observation."""
-    terrain = len(parameter_ranges("wide", mode).low) if config.observe_terrain else 0
-    return 9 + 2 * len(LOOK_AHEAD_TIMES) + terrain
+    return 9 + 2 * len(LOOK_AHEAD_TIMES) + terrain_size(mode, config)
 
 
 def observe(
@@ -120,19 +120,40 @@ def compose_observation(
     ]
     parts = [np.array(motion), shown, previous_action]
     if theta is not None:
-        ranges = parameter_ranges("wide", mode)
-        low, high = np.array(ranges.low), np.array(ranges.high)
-        parts.append(2 * (theta - low) / (high - low) - 1)
+        parts.append(terrain_sight(mode, theta))
     clipped = np.clip(np.concatenate(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND)
     return np.asarray(clipped, dtype=np.float32)
 
 
-def belt_command(action: FloatArray, vehicle: TrackedVehicle, config: TaskConfig) -> BeltCommand:
-    """Return the belt-speed command in m/s that an action in [-1, 1]² stands for; twists saturate at the belts."""
-    limit = vehicle.training_speed
+def terrain_size(mode: Mode, config: TaskConfig) -> int:
+    """Return how many numbers of an observation show the terrain."""
+    return len(parameter_ranges("wide", mode).low) if config.observe_terrain else 0
+
+
+def terrain_sight(mode: Mode, theta: FloatArray) -> FloatArray:
+    """Return terrain parameters θ as an observation shows them: -1 to 1 over the ``wide`` ranges."""
+    ranges = parameter_ranges("wide", mode)
+    low, high = np.array(ranges.low), np.array(ranges.high)
+    scaled: FloatArray = 2 * (theta - low) / (high - low) - 1
+    return scaled
+
+
+def belt_command(
+    action: FloatArray, vehicle: TrackedVehicle, config: TaskConfig, *, top_speed: float | None = None
+) -> BeltCommand:
+    """Return the belt-speed command in m/s that an action in [-1, 1]² stands for; twists saturate at the belts.
+
+    Parameters
+    ----------
+    action : ndarray, shape (2,)
+        In [-1, 1].
+    vehicle, config
+        Of the task.
+    top_speed : float, optional
+        Belt speed of a full action in m/s; the vehicle's training speed by default.
+    """
+    limit = vehicle.training_speed if top_speed is None else top_speed
     if config.action_mode == "belts":
         return BeltCommand(limit * float(action[0]), limit * float(action[1]))
-    speed = limit * float(action[0])
-    half_difference = config.yaw_rate_scale * float(action[1]) * vehicle.tread / 2
-    left, right = (min(limit, max(-limit, belt)) for belt in (speed - half_difference, speed + half_difference))
-    return BeltCommand(left, right)
+    yaw_rate = config.yaw_rate_scale * float(action[1])
+    return twist_belts(limit * float(action[0]), yaw_rate, tread=vehicle.tread, limit=limit)

@@ -4,31 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Final, NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Final
 
-import numpy as np
-
-from ..terrain import (
-    RANGE_NAMES,
-    ConfigurationError,
-    FloatArray,
-    Ground,
-    InvalidInputError,
-    Mode,
-    RigidTerrain,
-    SlopedGround,
-    SoilTerrain,
-    TerrainField,
-    TrackedVehicle,
-    interface,
-    parameter_ranges,
-    resolve_ground,
-    terrain_from_mapping,
-    terrain_type,
-    unknown_name,
-)
+from ..terrain import RANGE_NAMES, Ground, InvalidInputError, unknown_name
 from ..terrain.parameters import RangeName
 
 #: Lowest and highest factor on a number, drawn log-uniformly between them.
@@ -41,8 +21,6 @@ TerrainChoice = RangeName | Sequence[str | os.PathLike[str] | Ground | Mapping[s
 DRAWN_VEHICLE_NAMES: Final = ("belt_time_constant", "belt_acceleration", "yaw_inertia")
 
 _LARGEST_FACTOR: Final = 1e3
-_MOST_PARAMETERS: Final = 4
-_DRAWN_NUMBERS: Final = _MOST_PARAMETERS + len(DRAWN_VEHICLE_NAMES)
 
 
 @dataclass(frozen=True)
@@ -134,121 +112,3 @@ def _factors(name: str, pair: Any) -> Factors:
             f"factors of {name} are a pair 0 < low <= high of at most {_LARGEST_FACTOR:g}, got {pair!r}"
         )
     return low, high
-
-
-class Surroundings(NamedTuple):
-    """Ground and vehicle of an episode."""
-
-    ground: Ground
-    vehicle: TrackedVehicle
-
-
-class Randomizer:
-    """Draws the surroundings of episodes.
-
-    Each draw takes seven numbers from the generator, whatever is randomized: four for the terrain, one for each of
-    ``DRAWN_VEHICLE_NAMES``. So another thing to be randomized changes no other draw.
-
-    Parameters
-    ----------
-    randomization : Randomization
-        What to draw.
-    ground : Ground
-        Of the task, on its slope.
-    vehicle : TrackedVehicle
-        Of the task.
-    prepare : callable
-        Returns a ground as the task takes it, once it is seen to fit.
-
-    Raises
-    ------
-    ConfigurationError
-        If a ground is unknown or of another mode, or factors do not apply to the task's ground.
-    InvalidInputError
-        If a ground does not fit the task, or factors make an impossible one.
-    """
-
-    def __init__(
-        self,
-        randomization: Randomization,
-        ground: Ground,
-        vehicle: TrackedVehicle,
-        prepare: Callable[[Ground], Ground],
-    ) -> None:
-        self._vehicle: Final = vehicle
-        self._factors: Final = [
-            (index, name, *pair)
-            for index, name in enumerate(DRAWN_VEHICLE_NAMES)
-            if (pair := getattr(randomization, name)) is not None
-        ]
-        terrain = randomization.terrain
-        self._own: Final = ground
-        self._prepare: Final = prepare
-        self._ranges: Final = parameter_ranges(terrain, ground.mode) if isinstance(terrain, str) else None
-        self._scales: Final = _scales(terrain, ground.mode) if isinstance(terrain, dict) else None
-        named = terrain if isinstance(terrain, tuple) else ()
-        #: Those that one is drawn from, where grounds are named.
-        self.grounds: Final = tuple(prepare(_resolved(each, ground.mode)) for each in named)
-        for end in (0.0, 1.0):
-            self._at(np.full(_DRAWN_NUMBERS, end))
-
-    def draw(self, generator: np.random.Generator) -> Surroundings:
-        """Draw ground and vehicle of an episode."""
-        return self._at(generator.random(_DRAWN_NUMBERS))
-
-    def _at(self, draw: FloatArray) -> Surroundings:
-        ground = self._ground_at(draw[:_MOST_PARAMETERS])
-        if not self._factors:
-            return Surroundings(ground, self._vehicle)
-        shares = draw[_MOST_PARAMETERS:].tolist()
-        drawn = {
-            name: getattr(self._vehicle, name) * _log_uniform(low, high, shares[index])
-            for index, name, low, high in self._factors
-        }
-        return Surroundings(ground, replace(self._vehicle, **drawn))
-
-    def _ground_at(self, draw: FloatArray) -> Ground:
-        if self.grounds:
-            return self.grounds[min(int(draw[0] * len(self.grounds)), len(self.grounds) - 1)]
-        if self._ranges is not None:
-            theta = self._ranges.at(draw[: len(self._ranges.low)]).tolist()
-            return self._prepare(terrain_type(self._ranges.mode)(*theta))
-        if self._scales is not None:
-            shares = draw[: len(self._scales)].tolist()
-            factors = [_log_uniform(*pair, share) for pair, share in zip(self._scales, shares, strict=True)]
-            return _scaled(self._own, np.array(factors))
-        return self._own
-
-
-def _resolved(ground: Any, mode: Mode) -> Ground:
-    if isinstance(ground, Mapping):
-        ground = terrain_from_mapping(ground)
-    resolved = resolve_ground(ground)
-    if resolved.mode != mode:
-        raise ConfigurationError(f"the task is on {mode} ground, and one to be drawn is {resolved.mode}: {ground!r}")
-    return resolved
-
-
-def _scales(factors: Mapping[str, Factors], mode: Mode) -> list[Factors]:
-    """Return the factors of every parameter, in interface order."""
-    names = interface(mode).parameter_names
-    for name in factors:
-        if name not in names:
-            raise unknown_name(f"{mode} terrain parameter", name, names)
-    return [factors.get(name, (1.0, 1.0)) for name in names]
-
-
-def _scaled(ground: Ground, factors: FloatArray) -> Ground:
-    if isinstance(ground, SlopedGround):
-        return replace(ground, ground=_scaled(ground.ground, factors))
-    if isinstance(ground, RigidTerrain | SoilTerrain):
-        return type(ground)(*(ground.parameters * factors).tolist())
-    if isinstance(ground, TerrainField):
-        return replace(ground, parameters=ground.parameters * factors)
-    raise ConfigurationError(
-        f"factors apply to a terrain, a TerrainField or a SlopedGround over one, not to a {type(ground).__name__}"
-    )
-
-
-def _log_uniform(low: float, high: float, share: float) -> float:
-    return low * math.exp(share * math.log(high / low))

@@ -144,7 +144,7 @@ def _adapter() -> Callable[[TrackedVehicleVectorEnv[Any, Any], GaussianNoise | N
             batch = self._batch
             batch.restart(index, options)
             info = dict(zip(batch.task.measures, batch.measures[index].tolist(), strict=True))
-            info |= drawn_info(batch.task, batch.drawn[index].tolist() if batch.randomized[index] else None)
+            info |= drawn_info(batch.task.mode, batch.drawn[index].tolist() if batch.randomized[index] else None)
             if self._delay is not None:
                 self._delay.begin(np.array([index]))
                 info["action_delay"] = int(self._delay.delays[index])

@@ -16,9 +16,9 @@ from ..terrain.parameters import require_in
 from .grip import grip
 from .motion_profile import MotionProfile
 from .observation import LOOK_AHEAD_TIMES
-from .randomization import Surroundings
 from .speed_config import SpeedConfig, check_speed_options
 from .state import VehicleState
+from .surroundings import Surroundings
 from .task import Start, Task
 from .task_config import changed_config
 

@@ -11,28 +11,23 @@ import numpy as np
 
 from ..native import Speed, Tracking
 from ..terrain import (
-    ConfigurationError,
     FloatArray,
     Ground,
     Mode,
-    PhysicsBackend,
     SlopedGround,
     TrackedVehicle,
-    interface,
     resolve_ground,
     resolve_vehicle,
 )
-from .footing import sample_ground, track_forces_on
+from .footing import sample_ground
 from .observation import Observation, compose_observation, observation_size
 from .path import Path
-from .randomization import DRAWN_VEHICLE_NAMES, Randomizer, Surroundings
 from .rollout import whole_ratio
 from .simulator import TickRecord
+from .slip_power import slip_power, slip_power_block
 from .state import VehicleState
+from .surroundings import Randomizer, Surroundings, drawn_names
 from .task_config import RandomizedTaskConfig, changed_config
-
-# Cells of the block that the slip power is taken from, whatever the backend: a plain network has no track forces.
-_SLIP_POWER_CELLS: Final = (2, 1)
 
 #: Terms of the reward that every task has, after its own.
 SHARED_TERMS: Final = ("action_change", "slip_power")
@@ -96,12 +91,12 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         self.vehicle: Final = resolve_vehicle(vehicle)
         self.ground: Final = self.prepare_ground(terrain)
         self.mode: Final[Mode] = self.ground.mode
-        self.drawn_names: Final = (*interface(self.mode).parameter_names, *DRAWN_VEHICLE_NAMES)
+        self.drawn_names: Final = drawn_names(self.mode)
         self._randomizer = self._make_randomizer(config)
         self.ticks: Final = whole_ratio(config.control_period, config.tick, "control_period and tick")
         self.steps: Final = whole_ratio(config.time_limit, config.control_period, "time_limit and control_period")
         self.observation_size: Final = observation_size(self.mode, config)
-        self.slip_block: Final = PhysicsBackend(self.vehicle, self.mode, cells=_SLIP_POWER_CELLS)
+        self.slip_block: Final = slip_power_block(self.vehicle, self.mode)
 
     @property
     @abstractmethod
@@ -193,15 +188,13 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         self._randomizer = self._make_randomizer(config)
         self.config = config
 
-    def _make_randomizer(self, config: ConfigT) -> Randomizer | None:
-        if config.randomize is None:
-            return None
+    def _make_randomizer(self, config: ConfigT) -> Randomizer:
         return Randomizer(config.randomize, self.ground, self.vehicle, self.prepare_ground)
 
     @property
     def grounds(self) -> tuple[Ground, ...]:
         """The task's ground, and those that its randomization names."""
-        return (self.ground, *(() if self._randomizer is None else self._randomizer.grounds))
+        return (self.ground, *self._randomizer.grounds)
 
     def surroundings(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Surroundings:
         """Draw ground and vehicle of an episode, after everything else that its start draws.
@@ -211,25 +204,15 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         ConfigurationError
             If the reset option ``terrain`` is of another mode.
         """
-        drawn = Surroundings(self.ground, self.vehicle)
-        if self._randomizer is not None:
-            drawn = self._randomizer.draw(generator)
-        if "terrain" not in options:
-            return drawn
-        ground = self.prepare_ground(options["terrain"])
-        if ground.mode != self.mode:
-            raise ConfigurationError(f"the task is on {self.mode} ground, got {ground.mode}")
-        return drawn._replace(ground=ground)
+        ground = self.prepare_ground(options["terrain"]) if "terrain" in options else None
+        return self._randomizer.draw(generator, ground)
 
     def drawn(self, start: Start[EpisodeT]) -> tuple[float, ...] | None:
         """Return what ``drawn_names`` names of an episode, in SI units, where anything is randomized.
 
         θ is that under the vehicle at its start.
         """
-        if self._randomizer is None:
-            return None
-        theta = start.ground.parameters_at(start.state.x, start.state.y).tolist()
-        return (*theta, *(getattr(start.vehicle, name) for name in DRAWN_VEHICLE_NAMES))
+        return self._randomizer.drawn(Surroundings(start.ground, start.vehicle), start.state.x, start.state.y)
 
     def begin(self, state: VehicleState, surroundings: Surroundings, episode: EpisodeT) -> Start[EpisodeT]:
         """Return the start of an episode, once its ground is seen to reach there."""
@@ -256,11 +239,5 @@ class Task(ABC, Generic[ConfigT, EpisodeT]):
         change = action - previous
         return (
             -self.config.action_change_weight * float(change @ change),
-            -self.config.slip_power_weight * self._slip_power(record) / self.slip_power_scale,
+            -self.config.slip_power_weight * slip_power(self.slip_block, record) / self.slip_power_scale,
         )
-
-    def _slip_power(self, record: TickRecord) -> float:
-        """Return VtL F_L + VtR F_R − (Qx Vx + Qy Vy + Mz ω) of the shear forces, in W."""
-        tracks = track_forces_on(record.footing, self.slip_block, record.row, rolling=False)
-        belt_power = float(record.row[5:7] @ tracks[:, 0])
-        return belt_power - float(record.row[:3] @ tracks.sum(axis=0))

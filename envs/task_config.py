@@ -108,7 +108,7 @@ class RandomizedTaskConfig(TaskConfig):
         If the action mode, the integrator, the ground sampling or what to randomize is unknown.
     """
 
-    #: Settings that concern only how episodes begin, and so may change between two of them.
+    #: Settings that every episode takes anew when it begins, and so may change between two of them.
     changeable: ClassVar[frozenset[str]] = frozenset({"lowest_start_speed", "randomize"})
 
     randomize: Randomization | None = None

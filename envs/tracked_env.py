@@ -17,6 +17,7 @@ from ..terrain import (
     GuardedBackend,
     GuardMode,
     InvalidInputError,
+    Mode,
     OffMapError,
     SimulationDivergedError,
     TrackedVehicle,
@@ -30,6 +31,7 @@ from .rendering import Renderer, RenderMode
 from .reward import Outcome, RewardFunction, evaluate_reward, single_view
 from .simulator import Simulator, TickRecord
 from .state import VehicleState
+from .surroundings import drawn_names
 from .task import SHARED_TERMS, ConfigT, EpisodeT, Start, Task
 
 ActionSpace = gymnasium.Space[NDArray[np.float32]]
@@ -156,7 +158,7 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
             self._renderer.reset()
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self._measures(start.state) | drawn_info(self.task, self.task.drawn(start))
+        return self._observation(), self._measures(start.state) | drawn_info(self.task.mode, self.task.drawn(start))
 
     def _begin_in_batch(self, start: Start[EpisodeT]) -> bool:
         """Begin an episode in the compiled engine, unless there is none or it does not have the ground."""
@@ -308,9 +310,9 @@ def spaces(task: Task[ConfigT, EpisodeT]) -> tuple[ActionSpace, ObservationSpace
     )
 
 
-def drawn_info(task: Task[ConfigT, EpisodeT], drawn: Iterable[float] | None) -> dict[str, Any]:
+def drawn_info(mode: Mode, drawn: Iterable[float] | None) -> dict[str, Any]:
     """Return what ``info`` tells of what an episode drew, where anything is randomized."""
-    return {} if drawn is None else {"randomization": dict(zip(task.drawn_names, drawn, strict=True))}
+    return {} if drawn is None else {"randomization": dict(zip(drawn_names(mode), drawn, strict=True))}
 
 
 def force_info(backend: ForceBackend, record: TickRecord) -> dict[str, Any]:
@@ -322,12 +324,13 @@ def force_info(backend: ForceBackend, record: TickRecord) -> dict[str, Any]:
             "track_forces": track_forces_on(record.footing, backend, record.row),
             "sprocket_power": float(record.row[5:7] @ shear[:, 0]),
         }
-    if isinstance(backend, GuardedBackend) and record.detection is not None:
-        guard = record.state.guard
-        active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback
-        info |= {
-            "backend": active.name,
-            "ood_score": record.detection.score,
-            "fallback_weight": guard.fallback_weight,
-        }
-    return info
+    return info | guard_info(backend, record)
+
+
+def guard_info(backend: ForceBackend, record: TickRecord) -> dict[str, Any]:
+    """Return what ``info`` tells of the guard in the last tick, where there is one."""
+    if not isinstance(backend, GuardedBackend) or record.detection is None:
+        return {}
+    guard = record.state.guard
+    active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback
+    return {"backend": active.name, "ood_score": record.detection.score, "fallback_weight": guard.fallback_weight}

@@ -42,6 +42,8 @@ UNITS: Final[Mapping[str, str]] = {
     "belt_time_constant": "s",
     "belt_acceleration": "m/s²",
     "patch_length": "m",
+    "hull_length": "m",
+    "hull_width": "m",
     "mu": "",
     "c_kpa": "kPa",
     "phi_deg": "°",
@@ -62,7 +64,7 @@ _GROUND_KEYS: Final = tuple(dict.fromkeys(key for layout in _GROUNDS.values() fo
 _VEHICLE: Final = Layout(
     "vehicle",
     _units(*(name for name in UNITS if name not in _GROUND_KEYS)),
-    optional=("patch_length",),
+    optional=("patch_length", "hull_length", "hull_width"),
     whole=("road_wheels",),
     options=("contact",),
 )

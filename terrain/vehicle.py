@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -63,10 +63,13 @@ class TrackedVehicle:
     contact : {"continuous", "per_wheel"}
         How shear builds up under this vehicle, unless a physics backend is asked for the other.
     source : str
-        Where the numbers come from. Vehicles that differ in nothing but this and ``synthetic`` are equal: rewording a
-        source makes no other vehicle.
+        Where the numbers come from, the hull's apart. Vehicles that differ in nothing but this, ``synthetic`` and the
+        hull are equal: neither rewording a source nor measuring a hull makes one that moves otherwise.
     synthetic : bool
         Whether no machine stands behind some of them.
+    hull_length, hull_width : float, optional
+        Overall, in m, about the middle of the contact length; those of the tracks where they are not given. It collides
+        with what stands in a scene, and moves nothing.
 
     Raises
     ------
@@ -93,6 +96,8 @@ class TrackedVehicle:
     contact: Contact = "continuous"
     source: str = field(default="user", compare=False)
     synthetic: bool = field(default=False, compare=False)
+    hull_length: float | None = field(default=None, compare=False)
+    hull_width: float | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("mass", "yaw_inertia", "contact_length", "track_width", "sprocket_radius"):
@@ -103,6 +108,9 @@ class TrackedVehicle:
         require_in("soft_speed", self.soft_speed, 0.0, 10.0)
         require_in("tread", self.tread, self.track_width, 100.0, low_open=True)
         require_in("training_speed", self.training_speed, 0.0, self.maximum_speed, low_open=True)
+        for name in _HULL_FIELDS:
+            if getattr(self, name) is not None:
+                require_in(name, getattr(self, name), 0.0, 100.0, low_open=True)
         half = self.contact_length / 2
         if not -half < self.cg_offset < half:
             raise InvalidInputError(
@@ -141,9 +149,11 @@ class TrackedVehicle:
         """
         sheet = vehicle_sheet(name)
         values: dict[str, Any] = {**sheet.values, **sheet.options}
-        synthetic = any(number.kind == "synthetic" for number in sheet.numbers)
+        # What datasets and artifacts are bound to names no hull, and so not where it was measured either.
+        moving = replace(sheet, numbers=tuple(number for number in sheet.numbers if number.name not in _HULL_FIELDS))
+        synthetic = any(number.kind == "synthetic" for number in moving.numbers)
         try:
-            return cls(name=sheet.name, **values, source="; ".join(sheet.sources), synthetic=synthetic)
+            return cls(name=sheet.name, **values, source="; ".join(moving.sources), synthetic=synthetic)
         except GrouserError as error:
             raise type(error)(f"{os.fspath(name)}: {error}") from error
 
@@ -181,12 +191,12 @@ class TrackedVehicle:
         return self.tread + self.track_width
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields by name, as JSON can hold them."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+        """Return the fields by name, as JSON can hold them, without the hull: what identifies a vehicle that moves."""
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _HULL_FIELDS}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> TrackedVehicle:
-        """Build a vehicle from :meth:`to_dict`.
+        """Build a vehicle from :meth:`to_dict`, with a hull or without.
 
         Raises
         ------
@@ -209,6 +219,7 @@ class TrackedVehicle:
         return all(getattr(self, name) == getattr(other, name) for name in _BLOCK_FIELDS)
 
 
+_HULL_FIELDS: Final = ("hull_length", "hull_width")
 _BLOCK_FIELDS: Final = (
     "mass",
     "contact_length",

@@ -1,32 +1,8 @@
-"""From speed and yaw rate, and from highway-env's acceleration and steering, to belt commands."""
+"""From highway-env's acceleration and steering to speed and yaw rate."""
 
 from __future__ import annotations
 
 import math
-
-from ..state import BeltCommand
-
-
-def twist_belts(speed: float, yaw_rate: float, *, tread: float, limit: float) -> BeltCommand:
-    """Return the belts that roll at a speed and yaw rate without slip, each cut to ±``limit``.
-
-    Parameters
-    ----------
-    speed, yaw_rate : float
-        In m/s and rad/s.
-    tread : float
-        B in m.
-    limit : float
-        In m/s.
-
-    Examples
-    --------
-    >>> twist_belts(2.0, 0.5, tread=2.0, limit=10.0)
-    BeltCommand(left=1.5, right=2.5)
-    """
-    half_difference = yaw_rate * tread / 2
-    left, right = (min(limit, max(-limit, belt)) for belt in (speed - half_difference, speed + half_difference))
-    return BeltCommand(left, right)
 
 
 def bicycle_yaw_rate(speed: float, steering: float, length: float) -> float:

@@ -6,13 +6,22 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from ...terrain import ConfigurationError, ForceBackend, Ground, RigidTerrain, SoilTerrain, Terrain, TrackedVehicle
+from ...terrain import (
+    ConfigurationError,
+    ForceBackend,
+    Ground,
+    RigidTerrain,
+    SoilTerrain,
+    Terrain,
+    TrackedVehicle,
+    resolve_ground,
+)
 from ...terrain.parameters import require_in
 from ..observation import LOOK_AHEAD_TIMES
 from ..path import Path, Projection
@@ -81,7 +90,8 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
     ## Info
 
     ``is_success`` (the end is reached), ``crashed``, ``off_road``, ``steps``, ``cross_track_error`` and ``progress`` in
-    m, ``reward_terms``, ``backend`` that answered in the last tick; ``ood_score`` and ``fallback_weight`` with a guard.
+    m, ``reward_terms``, ``backend`` that answered in the last tick; ``ood_score`` and ``fallback_weight`` with a guard;
+    at a reset with ``randomize``, ``randomization``: what was drawn, in SI units, θ as beside the patches.
 
     Parameters
     ----------
@@ -136,7 +146,6 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
             backend_options=backend_options,
             engine=engine,
         )
-        _require_terrain(self._ground)
         speed = config.reference_speed
         self.reference_speed: Final = self.vehicle.training_speed / 2 if speed is None else speed
         self._patch_grounds = config.patch_grounds(self._ground.mode)
@@ -168,15 +177,29 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         super().reset(seed=seed)
         chosen = check_offroad_options(options or {})
         course = draw_course(self.np_random, self.config, self._patch_grounds)
-        drawn = self._draw_ground()
         state = self._start(course.path, chosen)
-        base = _require_terrain(cast(Ground, chosen.get("terrain", drawn)))
-        self._require_mode(base)
+        surroundings = self._draw_surroundings(chosen)
         obstacles, width = course_obstacles(course), self.config.road_width
-        self._begin(course_network(course, width), obstacles, state, paint_course(course, base, width))
+        painted = paint_course(course, self._prepare_ground(surroundings.ground), width)
+        self._begin(course_network(course, width), obstacles, state, surroundings._replace(ground=painted))
         self._course, self._obstacles = course, obstacle_table(obstacles)
         self._foot = course.path.project(state.x, state.y, heading=state.heading)
-        return self._observe(), self._measures() | {"crashed": False, "steps": 0, "is_success": False}
+        info = self._measures() | {"crashed": False, "steps": 0, "is_success": False}
+        return self._observe(), info | self._drawn_info(surroundings, state)
+
+    def _take_on(self, config: OffRoadConfig) -> None:
+        patch_grounds = config.patch_grounds(self._ground.mode)
+        super()._take_on(config)
+        self._patch_grounds = patch_grounds
+
+    def _prepare_ground(self, terrain: str | os.PathLike[str] | Ground) -> Terrain:
+        """Return a ground that patches can be painted on."""
+        ground = resolve_ground(terrain)
+        if not isinstance(ground, RigidTerrain | SoilTerrain):
+            raise ConfigurationError(
+                f"patches are painted on a terrain that is alike everywhere, not on a {type(ground).__name__}"
+            )
+        return ground
 
     def _start(self, path: Path, chosen: OffRoadResetOptions) -> VehicleState:
         config, fastest = self.config, self.vehicle.maximum_speed
@@ -255,12 +278,3 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
             ),
         ]
         return bounded(parts + self._terrain_parts(state))
-
-
-def _require_terrain(ground: Ground) -> Terrain:
-    """Return the ground, once it is seen to be one that patches can be painted on."""
-    if not isinstance(ground, RigidTerrain | SoilTerrain):
-        raise ConfigurationError(
-            f"patches are painted on a terrain that is alike everywhere, not on a {type(ground).__name__}"
-        )
-    return ground

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, TypedDict, cast
+from typing import Any, ClassVar, Final, TypedDict, cast
 
 from ...terrain import ConfigurationError, Ground, InvalidInputError, Mode, Terrain, resolve_terrain
 from ...terrain.parameters import require_in
@@ -82,6 +82,18 @@ class OffRoadConfig(SceneConfig):
     ConfigurationError
         If a name is unknown.
     """
+
+    changeable: ClassVar = SceneConfig.changeable | {
+        "road_points",
+        "bend",
+        "obstacles",
+        "obstacle_size",
+        "patches",
+        "patch_terrains",
+        "patch_radius",
+        "lateral_spread",
+        "heading_spread",
+    }
 
     time_limit: float = 60.0
     reference_speed: float | None = None

@@ -6,18 +6,18 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 from gymnasium.spaces import Dict
 from numpy.typing import ArrayLike, NDArray
 
-from ...terrain import FloatArray, ForceBackend, Ground, InvalidInputError, TrackedVehicle
+from ...terrain import ConfigurationError, FloatArray, ForceBackend, Ground, InvalidInputError, TrackedVehicle
 from ..observation import OBSERVATION_BOUND
 from ..rendering import RenderMode
 from ..state import VehicleState
 from ..tracked_env import Engine
-from .goal import GOAL_NAMES, GOAL_SCALES, Tolerance, as_goals, goal_errors, goal_reward, make_goal, within
+from .goal import GOAL_NAMES, GOAL_SCALES, as_goals, goal_errors, goal_reward, make_goal, within
 from .obstacles import OBSTACLE_PARTS, nearest_obstacles, obstacle_table
 from .parking_config import ParkingConfig, check_parking_options, parking_config
 from .parking_lot import draw_parking, lot_objects, spot_index, spot_network, spot_pose
@@ -88,7 +88,8 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
     ## Info
 
     ``is_success``, ``crashed``, ``steps``, ``position_error`` (m), ``heading_error`` (rad), ``speed_error`` (m/s),
-    ``reward_terms``, ``backend`` that answered in the last tick; ``ood_score`` and ``fallback_weight`` with a guard.
+    ``reward_terms``, ``backend`` that answered in the last tick; ``ood_score`` and ``fallback_weight`` with a guard;
+    at a reset with ``randomize``, ``randomization``: what was drawn, in SI units, θ as under the start.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
     """
 
     # The panel stands above the lot.
-    _view = (62.5, (0.0, 5.6))
+    _view = (66.0, (0.0, 7.5))
 
     def __init__(
         self,
@@ -146,7 +147,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
             backend_options=backend_options,
             engine=engine,
         )
-        self.tolerance: Final = Tolerance(config.position_tolerance, config.heading_tolerance, config.speed_tolerance)
+        self.tolerance = config.tolerance
         self._network = spot_network()
         self._taken: FloatArray = np.zeros((0, 3))
         self._goal = np.zeros(len(GOAL_NAMES), np.float32)
@@ -170,19 +171,21 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         super().reset(seed=seed)
         chosen, config = check_parking_options(options or {}), self.config
         draw = draw_parking(self.np_random, self._network, parked=config.parked_vehicles, spread=config.start_spread)
-        ground = self._draw_ground()
+        surroundings = self._draw_surroundings(chosen)
         if "spot" in chosen:
             spot = spot_index(chosen["spot"])
             draw = draw._replace(spot=spot, taken=tuple(each for each in draw.taken if each != spot))
         drawn = VehicleState(x=draw.x, y=draw.y, heading=float(chosen.get("heading", draw.heading)))
         state = replace(chosen.get("state", drawn), time=0.0)
         objects = lot_objects(self._network, draw, walls=config.walls)
-        self._begin(self._network, objects, state, cast(Ground, chosen.get("terrain", ground)))
+        self._begin(self._network, objects, state, surroundings)
         self._taken = obstacle_table(objects[1 : 1 + len(draw.taken)])
+        self.tolerance = config.tolerance
         x, y, heading = spot_pose(self._network, draw.spot)
         self._goal = make_goal(x, y, 0.0, 0.0, heading, OBSERVATION_BOUND)
         observation = self._observe()
-        return observation, self._goal_info(observation, failed=False) | {"crashed": False, "steps": 0}
+        drawn_numbers = self._drawn_info(surroundings, state)
+        return observation, self._goal_info(observation, failed=False) | {"crashed": False, "steps": 0} | drawn_numbers
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action for one control period, or until the vehicle collides.
@@ -261,6 +264,15 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         late = np.array([each["steps"] >= self._most_steps for each in infos])
         truncated = late & ~np.atleast_1d(self.compute_terminated(achieved_goal, desired_goal, info))
         return truncated if np.ndim(achieved_goal) == 2 else bool(truncated[0])
+
+    def _take_on(self, config: ParkingConfig) -> None:
+        before, after = self.config.parked_vehicles, config.parked_vehicles
+        if bool(before) != bool(after):
+            raise ConfigurationError(
+                f"parked_vehicles cannot change from {before} to {after}: observations that show obstacles and those "
+                "without any have other sizes; make another environment"
+            )
+        super()._take_on(config)
 
     def _goal_reward(self, achieved: FloatArray, desired: FloatArray) -> FloatArray:
         return goal_reward(achieved, desired, self.config.reward_weights, self.config.reward_exponent)

@@ -6,13 +6,13 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypedDict, cast
+from typing import Any, ClassVar, TypedDict, cast
 
 from ...terrain import ConfigurationError, Ground, InvalidInputError
 from ...terrain.parameters import require_in
 from ..state import VehicleState
 from ..task_config import build_config, check_options
-from .goal import GOAL_NAMES
+from .goal import GOAL_NAMES, Tolerance
 from .scene_config import SceneConfig
 
 #: Spots of the lot: two rows of 14, as in parking-v0.
@@ -69,6 +69,15 @@ class ParkingConfig(SceneConfig):
         If a name is unknown, or a setting has no meaning here.
     """
 
+    changeable: ClassVar = (SceneConfig.changeable - {"lowest_start_speed"}) | {
+        "position_tolerance",
+        "heading_tolerance",
+        "speed_tolerance",
+        "start_spread",
+        "parked_vehicles",
+        "walls",
+    }
+
     control_period: float = 0.2
     time_limit: float = 30.0
     action_change_weight: float = 0.0
@@ -100,6 +109,11 @@ class ParkingConfig(SceneConfig):
             count = getattr(self, name)
             if isinstance(count, bool) or not isinstance(count, int) or not 0 <= count <= most:
                 raise InvalidInputError(f"{name} must be a whole number in [0, {most:g}], got {count!r}")
+
+    @property
+    def tolerance(self) -> Tolerance:
+        """What still counts as parked."""
+        return Tolerance(self.position_tolerance, self.heading_tolerance, self.speed_tolerance)
 
 
 def parking_config(settings: Mapping[str, Any]) -> ParkingConfig:

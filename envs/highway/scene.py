@@ -6,6 +6,7 @@ import contextlib
 import os
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, Final, Generic, TypeVar
 
 import gymnasium
@@ -14,33 +15,31 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from ...terrain import (
-    ConfigurationError,
     FloatArray,
     ForceBackend,
     Ground,
     GuardedBackend,
-    GuardMode,
     InvalidInputError,
     OffMapError,
-    PhysicsBackend,
     SimulationDivergedError,
     SlopedGround,
     TrackedVehicle,
+    interface,
     make_backend,
-    parameter_ranges,
     resolve_ground,
-    resolve_terrain,
     resolve_vehicle,
     unknown_name,
 )
 from ...terrain.parameters import require_in
-from ..footing import sample_ground, track_forces_on
-from ..observation import OBSERVATION_BOUND
+from ..footing import sample_ground
+from ..observation import OBSERVATION_BOUND, belt_command, terrain_sight, terrain_size
 from ..rendering import RENDER_MODES, RenderMode
 from ..rollout import whole_ratio
-from ..state import BeltCommand, VehicleState
-from ..tracked_env import Engine
-from .commands import twist_belts
+from ..slip_power import slip_power, slip_power_block
+from ..state import VehicleState
+from ..surroundings import Randomizer, Surroundings
+from ..task_config import changed_config
+from ..tracked_env import Engine, drawn_info, guard_info
 from .dependency import import_highway_env
 from .footprint import Footprint
 from .kinematics import Kinematics
@@ -50,9 +49,6 @@ from .scene_renderer import SceneRenderer
 from .vehicle import TrackedHighwayVehicle
 
 _roads = import_highway_env("road.road")
-
-# Cells of the block that the slip power is taken from, whatever the backend: a plain network has no track forces.
-_SLIP_POWER_CELLS: Final = (2, 1)
 
 ConfigT = TypeVar("ConfigT", bound=SceneConfig)
 ObservationT = TypeVar("ObservationT")
@@ -100,7 +96,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise unknown_name("render mode", render_mode, RENDER_MODES)
-        self.config: Final[ConfigT] = config
+        self.config: ConfigT = config
         self.vehicle: Final = resolve_vehicle(vehicle)
         training_speed = self.vehicle.training_speed
         self.top_speed: Final = config.top_speed or min(usual_speed or training_speed, training_speed)
@@ -108,8 +104,8 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         self._substeps = whole_ratio(config.control_period, config.scene_period, "control_period and scene_period")
         whole_ratio(config.scene_period, config.tick, "scene_period and tick")
         self._most_steps = whole_ratio(config.time_limit, config.control_period, "time_limit and control_period")
-        self._terrains = tuple(resolve_terrain(name) for name in config.terrains)
-        self._ground = self._terrains[0] if self._terrains else resolve_ground(terrain)
+        self._ground = self._prepare_ground(terrain)
+        self._randomizer = self._make_randomizer(config)
         self._model = MotionModel(
             self.vehicle,
             make_backend(backend, mode=self._ground.mode, vehicle=self.vehicle, **(backend_options or {})),
@@ -119,7 +115,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
             ground_sampling=config.ground_sampling,
             engine=engine,
         )
-        self._slip_block = PhysicsBackend(self.vehicle, self._ground.mode, cells=_SLIP_POWER_CELLS)
+        self._slip_block = slip_power_block(self.vehicle, self._ground.mode)
         self.render_mode = render_mode
         # Gymnasium widens render_mode to any string.
         self._draw_mode = render_mode
@@ -129,7 +125,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         self._action: FloatArray = np.zeros(2)
         self._steps = 0
         self._vehicle: TrackedHighwayVehicle | None = None
-        self._theta: FloatArray | None = None
+        self._theta: FloatArray = np.zeros(len(interface(self._ground.mode).parameter_names))
         self._renderer: SceneRenderer | None = None
         self._succeeded = False
 
@@ -155,35 +151,63 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         """What answers for the ground."""
         return self._model.backend
 
-    def _draw_ground(self) -> Ground:
-        """Draw the ground of an episode; as many numbers are drawn whatever the settings."""
-        share = self.np_random.random()
-        mode = self._ground.mode
-        sampled = parameter_ranges(self.config.terrain_range or "wide", mode).sample(self.np_random)
-        if self.config.terrain_range is not None:
-            return sampled
-        if self._terrains:
-            return self._terrains[int(share * len(self._terrains))]
-        return self._ground
+    def reconfigure(self, **settings: Any) -> None:
+        """Change settings of how episodes begin, of the scene and of randomization, from the next reset on.
 
-    def _require_mode(self, ground: Ground) -> None:
-        if ground.mode != self._ground.mode:
-            raise ConfigurationError(f"the task is on {self._ground.mode} ground, got {ground.mode}")
+        Parameters
+        ----------
+        **settings
+            Those that ``changeable`` of the configuration names.
 
-    def _begin(self, network: Any, objects: list[Any], state: VehicleState, ground: Ground) -> None:
+        Raises
+        ------
+        ConfigurationError
+            If a key is unknown, its setting holds for the life of an environment, or a value does not fit the scene as it
+            was made; nothing has changed then.
+        InvalidInputError
+            If a value is impossible; nothing has changed then.
+        """
+        self._take_on(changed_config(self.config, settings))
+
+    def _take_on(self, config: ConfigT) -> None:
+        """Take changed settings on, or refuse them and change nothing."""
+        self._randomizer = self._make_randomizer(config)
+        self.config = config
+
+    def _prepare_ground(self, terrain: str | os.PathLike[str] | Ground) -> Ground:
+        """Return a ground as the scene takes it, still on the level."""
+        return resolve_ground(terrain)
+
+    def _make_randomizer(self, config: ConfigT) -> Randomizer:
+        return Randomizer(config.randomize, self._ground, self.vehicle, self._prepare_ground)
+
+    def _draw_surroundings(self, options: Mapping[str, Any]) -> Surroundings:
+        """Draw ground and vehicle of an episode, after everything else that its start draws.
+
+        Raises
+        ------
+        ConfigurationError
+            If the reset option ``terrain`` does not fit the scene.
+        """
+        ground = self._prepare_ground(options["terrain"]) if "terrain" in options else None
+        return self._randomizer.draw(self.np_random, ground)
+
+    def _drawn_info(self, surroundings: Surroundings, state: VehicleState) -> dict[str, Any]:
+        """Return what ``info`` tells of what an episode drew, where anything is randomized."""
+        return drawn_info(self._ground.mode, self._randomizer.drawn(surroundings, state.x, state.y))
+
+    def _begin(self, network: Any, objects: list[Any], state: VehicleState, surroundings: Surroundings) -> None:
         """Put the vehicle on a road."""
-        self._require_mode(ground)
+        ground, machine = surroundings
         grade, bank = self.config.grade, self.config.bank
         if grade or bank:
             ground = SlopedGround(ground, grade, bank)
         sampling = self.config.ground_sampling
         # A start off the map is refused here, before anything has changed.
-        sample_ground(ground, self.vehicle, sampling, x=state.x, y=state.y, heading=state.heading)
+        sample_ground(ground, machine, sampling, x=state.x, y=state.y, heading=state.heading)
         road = _roads.Road(network=network, np_random=self.np_random, road_objects=objects)
-        vehicle = TrackedHighwayVehicle(
-            road, [state.x, state.y], state.heading, model=self._model, size=self.config.size
-        )
-        vehicle.set_ground(ground)
+        model = replace(self._model, vehicle=machine, ground=ground)
+        vehicle = TrackedHighwayVehicle(road, [state.x, state.y], state.heading, model=model, size=self.config.size)
         vehicle.state = state
         vehicle.motion.watched = bool(self.config.slip_power_weight) or isinstance(self.backend, GuardedBackend)
         road.vehicles.append(vehicle)
@@ -195,13 +219,6 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
             self._renderer.reset()
         if self.render_mode == "human":
             self.render()
-
-    def _command(self, action: FloatArray) -> BeltCommand:
-        limit = self.top_speed
-        if self.config.action_mode == "belts":
-            return BeltCommand(limit * float(action[0]), limit * float(action[1]))
-        yaw_rate = self.config.yaw_rate_scale * float(action[1])
-        return twist_belts(limit * float(action[0]), yaw_rate, tread=self.vehicle.tread, limit=limit)
 
     def _advance(self, action: NDArray[Any]) -> tuple[FloatArray, dict[str, Any]]:
         """Hold an action for one control period, or until the vehicle collides or is lost.
@@ -217,7 +234,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         if given.shape != (2,) or not np.all(np.abs(given) <= 1.0):
             raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
         vehicle, road = self.highway_vehicle, self.road
-        vehicle.act(self._command(given))
+        vehicle.act(belt_command(given, self.vehicle, self.config, top_speed=self.top_speed))
         lost: dict[str, Any] = {}
         try:
             for _ in range(self._substeps):
@@ -235,30 +252,20 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
     def _control_costs(self, action: FloatArray, info: Mapping[str, Any]) -> tuple[float, float]:
         """Return the reward's terms of action change and slip power, and remember the action."""
         change, self._action = action - self._action, action
-        slip_power = 0.0
+        slip_share = 0.0
         if self.config.slip_power_weight and not is_lost(info):
-            slip_power = self._slip_power() / (self.vehicle.weight * self.top_speed)
+            power = slip_power(self._slip_block, self.highway_vehicle.motion.last_tick())
+            slip_share = power / (self.vehicle.weight * self.top_speed)
         return (
             -self.config.action_change_weight * float(change @ change),
-            -self.config.slip_power_weight * slip_power,
+            -self.config.slip_power_weight * slip_share,
         )
-
-    def _slip_power(self) -> float:
-        """Return belt power less the power that reaches the body, of the last tick's shear forces, in W."""
-        record = self.highway_vehicle.motion.last_tick()
-        tracks = track_forces_on(record.footing, self._slip_block, record.row, rolling=False)
-        return float(record.row[5:7] @ tracks[:, 0]) - float(record.row[:3] @ tracks.sum(axis=0))
 
     def _guard_info(self) -> dict[str, Any]:
         """Return what the guard of a guarded backend did in the last tick."""
-        backend = self.backend
-        if not isinstance(backend, GuardedBackend):
+        if not isinstance(self.backend, GuardedBackend):
             return {}
-        record = self.highway_vehicle.motion.last_tick()
-        guard = record.state.guard
-        active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback
-        score = record.detection.score if record.detection is not None else 0.0
-        return {"backend": active.name, "ood_score": score, "fallback_weight": guard.fallback_weight}
+        return guard_info(self.backend, self.highway_vehicle.motion.last_tick())
 
     def _motion_parts(self, state: Kinematics) -> list[float]:
         """Return velocity, yaw rate, belts and previous action, scaled."""
@@ -279,14 +286,12 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         # Off the map the vehicle sees what it saw last.
         with contextlib.suppress(OffMapError):
             self._theta = self.ground.parameters_at(state.x, state.y)
-        ranges = parameter_ranges("wide", self._ground.mode)
-        low, high = np.array(ranges.low), np.array(ranges.high)
-        scaled: list[float] = (2 * ((low if self._theta is None else self._theta) - low) / (high - low) - 1).tolist()
-        return scaled
+        shown: list[float] = terrain_sight(self._ground.mode, self._theta).tolist()
+        return shown
 
     @property
     def _terrain_size(self) -> int:
-        return len(parameter_ranges("wide", self._ground.mode).low) if self.config.observe_terrain else 0
+        return terrain_size(self._ground.mode, self.config)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Show the scene from above: an image (height, width, 3), or a window."""

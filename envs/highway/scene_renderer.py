@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...terrain import FloatArray, Ground, SlopedGround, TerrainField, TrackedVehicle
-from ..canvas import Canvas, Color, blend
+from ...terrain import Ground, TrackedVehicle
+from ..canvas import Canvas, Color
 from ..rendering import Renderer, RenderMode
 from ..state import VehicleState
 from .dependency import import_highway_env
@@ -18,8 +17,6 @@ from .footprint import Footprint
 
 _objects = import_highway_env("vehicle.objects")
 
-_SLIPPERY: Final[Color] = (214, 220, 222)
-_FIRM: Final[Color] = (126, 112, 90)
 _LINE: Final[Color] = (240, 238, 230)
 _OBSTACLE: Final[Color] = (104, 62, 44)
 _HIT: Final[Color] = (214, 52, 40)
@@ -32,9 +29,6 @@ _LINE_WIDTH: Final = 0.15
 _LINE_STEP: Final = 1.0
 # So that the goal's outline is seen around a parked vehicle.
 _GOAL_MARGIN: Final = 0.3
-# Colours of the ground, so that cells alike are drawn as one.
-_SHADES: Final = 16
-_FULL_GRIP: Final = 0.9
 # Of a rectangle, in halves of its length and width.
 _CORNERS: Final = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))
 
@@ -42,8 +36,8 @@ _CORNERS: Final = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))
 class SceneRenderer(Renderer):
     """Draws a scene to scale, the plane's x axis to the right and y up.
 
-    The ground is darker where it grips more: shear strength under the vehicle's mean pressure, over that pressure.
-    Everything on the tracks is as in :class:`~grouser.envs.rendering.Renderer`; the hull is the footprint that collides.
+    Ground, belts, gauges and legend are as in :class:`~grouser.envs.rendering.Renderer`; the hull is the footprint that
+    collides.
 
     Parameters
     ----------
@@ -78,7 +72,6 @@ class SceneRenderer(Renderer):
         self._canvas = _SceneCanvas(size, view_height, center)
         self._footprint = footprint
         self._road: Any = None
-        self._ground: Ground | None = None
         self._parked = False
 
     def show(
@@ -99,13 +92,11 @@ class SceneRenderer(Renderer):
         parked : bool
             Whether the goal is reached.
         """
-        self._road, self._ground, self._parked = road, ground, parked
-        return self.draw(state, label=label)
+        self._road, self._parked = road, parked
+        return self.draw(state, label=label, ground=ground)
 
     def _draw_ground(self) -> None:
         canvas = self._canvas
-        if self._ground is not None:
-            _draw_grip(canvas, self._ground, self._vehicle)
         if self._road is None:
             return
         for lanes in (lanes for after in self._road.network.graph.values() for lanes in after.values()):
@@ -155,41 +146,3 @@ def _draw_lane(canvas: Canvas, lane: Any) -> None:
     for side in (-0.5, 0.5):
         edge = np.array([lane.position(station, side * lane.width_at(station)) for station in stations])
         canvas.line(_LINE, edge, _LINE_WIDTH)
-
-
-def _grip(theta: FloatArray, vehicle: TrackedVehicle, rigid: bool) -> FloatArray:
-    """Return the shear strength under the mean pressure, over that pressure; θ of shape (..., p)."""
-    if rigid:
-        return np.asarray(theta[..., 0])
-    pressure = vehicle.weight / (2 * vehicle.contact_length * vehicle.track_width)
-    return np.asarray(theta[..., 0] / pressure + np.tan(theta[..., 1]))
-
-
-def _shade(grip: FloatArray) -> NDArray[np.intp]:
-    return np.rint(np.clip(grip / _FULL_GRIP, 0.0, 1.0) * (_SHADES - 1)).astype(np.intp)
-
-
-def _draw_grip(canvas: Canvas, ground: Ground, vehicle: TrackedVehicle) -> None:
-    while isinstance(ground, SlopedGround):
-        ground = ground.ground
-    low, high = canvas.center - canvas.reach, canvas.center + canvas.reach
-    rigid = ground.mode == "rigid"
-    if isinstance(ground, TerrainField):
-        shades = _shade(_grip(ground.parameters, vehicle, rigid))
-        spacing, (x0, y0) = ground.spacing, ground.origin
-        rows, columns = shades.shape
-    else:
-        shades = _shade(_grip(ground.parameters_at(*canvas.center.tolist()), vehicle, rigid)).reshape(1, 1)
-        spacing, x0, y0, rows, columns = 1.0, 0.0, 0.0, 1, 1
-    # Beyond the map the border goes on.
-    first_row, last_row = math.floor((low[1] - y0) / spacing), math.floor((high[1] - y0) / spacing)
-    first, last = math.floor((low[0] - x0) / spacing), math.floor((high[0] - x0) / spacing)
-    shown = np.clip(np.arange(first, last + 1), 0, columns - 1)
-    for row in range(first_row, last_row + 1):
-        line = shades[min(max(row, 0), rows - 1), shown]
-        cuts = [0, *(np.flatnonzero(np.diff(line)) + 1).tolist(), len(line)]
-        bottom, top = y0 + row * spacing, y0 + (row + 1) * spacing
-        for start, stop in pairwise(cuts):
-            left, right = x0 + (first + start) * spacing, x0 + (first + stop) * spacing
-            color = blend(_SLIPPERY, _FIRM, float(line[start]) / (_SHADES - 1))
-            canvas.polygon(color, [(left, bottom), (right, bottom), (right, top), (left, top)])

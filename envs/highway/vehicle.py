@@ -17,9 +17,10 @@ from ...terrain import (
     InvalidInputError,
     TrackedVehicle,
 )
+from ..driveline import twist_belts
 from ..state import BeltCommand, VehicleState
 from .collision import Box, certainly_apart
-from .commands import accelerating_command, bicycle_yaw_rate, twist_belts
+from .commands import accelerating_command, bicycle_yaw_rate
 from .dependency import import_highway_env
 from .footprint import footprint_of
 from .kinematics import Kinematics

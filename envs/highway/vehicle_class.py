@@ -38,7 +38,7 @@ def tracked_vehicle_class(
     terrain : str, path-like or Ground
         The ground of every vehicle of the class, a terrain field with patches included.
     size : tuple of float, optional
-        Length and width in m; those of the machine where they are known, else of the rectangle around its tracks.
+        Length and width in m; those of its hull, else of the rectangle around its tracks.
     backend_options : mapping, optional
         For :func:`grouser.terrain.make_backend`.
     tick, integrator, ground_sampling, engine

@@ -36,7 +36,7 @@ def row(out: str, name: str) -> list[str]:
 
 def test_vehicles_are_listed_with_their_numbers_and_marks(call: Any) -> None:
     out = call("list", "vehicles").out
-    assert row(out, "m113")[-10:] == ["11300", "37300", "2.667", "2.159", "0.38", "5", "18*", "6", "of", "14"]
+    assert row(out, "m113")[-10:] == ["11300", "37300", "2.667", "2.159", "0.38", "5", "18*", "6", "of", "16"]
     assert row(out, "ugv")[-10:-8] == ["4500†", "6500†"]
     assert all(vehicle_sheet(name).summary in " ".join(row(out, name)) for name in vehicle_names())
     assert "* assumed, † synthetic" in out

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from grouser.envs import BeltCommand, Simulator, advance_belts
+from grouser.envs.driveline import twist_belts
 from grouser.terrain import InvalidInputError, RigidTerrain, TrackedVehicle
 
 M113 = TrackedVehicle.preset("m113")
@@ -112,3 +113,11 @@ def test_commands_at_the_limit_of_the_drive_are_taken() -> None:
     simulator = Simulator("m113", "physics", RigidTerrain(0.7))
     record = simulator.step(BeltCommand(18.0, -18.0))
     assert (record.state.v_left, record.state.v_right) == pytest.approx((0.04, -0.04), abs=1e-15)
+
+
+@given(speed=st.floats(-5.0, 5.0), yaw_rate=st.floats(-1.0, 1.0), tread=st.floats(0.1, 4.0))
+def test_twist_belts_roll_without_slip(speed: float, yaw_rate: float, tread: float) -> None:
+    """Where the limit does not cut, the ground under each track's centreline moves as its belt does."""
+    belts = twist_belts(speed, yaw_rate, tread=tread, limit=10.0)
+    for belt, y in zip(belts, (tread / 2, -tread / 2), strict=True):
+        assert belt == pytest.approx(speed - yaw_rate * y, abs=1e-12)

@@ -182,3 +182,10 @@ def test_twists_saturate_at_the_training_speed_belt_by_belt(speed: float, turn: 
 def test_a_twist_beyond_both_belts_turns_on_the_spot_at_full_speed() -> None:
     config = TrackingConfig(action_mode="twist", yaw_rate_scale=50.0)
     assert belt_command(np.array([0.0, 1.0]), M113, config) == (-10.0, 10.0)
+
+
+@pytest.mark.parametrize("mode", ["belts", "twist"])
+def test_another_top_speed_takes_the_training_speeds_place(mode: Any) -> None:
+    config = TrackingConfig(action_mode=mode)
+    full = np.array([1.0, 1.0]) if mode == "belts" else np.array([1.0, 0.0])
+    assert belt_command(full, M113, config, top_speed=4.0) == (4.0, 4.0)

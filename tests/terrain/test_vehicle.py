@@ -81,6 +81,33 @@ def test_rewording_a_source_makes_no_other_vehicle() -> None:
     assert replace(M113, source="as before", synthetic=True) == M113
 
 
+@pytest.mark.parametrize("name", vehicle_names())
+def test_a_hull_covers_its_tracks(name: str) -> None:
+    v = TrackedVehicle.preset(name)
+    assert (v.hull_length is None) == (v.hull_width is None) == (name in ("maxxii", "ugv"))
+    if v.hull_length is not None and v.hull_width is not None:
+        assert v.hull_length > v.contact_length
+        assert v.hull_width > v.overall_width
+
+
+def test_a_hull_makes_no_other_vehicle() -> None:
+    """Datasets and artifacts are bound to what moves a vehicle, and to the words about it."""
+    bare = replace(M113, hull_length=None, hull_width=None)
+    assert bare == M113
+    assert hash(bare) == hash(M113)
+    assert bare.to_dict() == M113.to_dict()
+    assert not {"hull_length", "hull_width"} & M113.to_dict().keys()
+    assert "AFV Database" not in M113.source
+    assert TrackedVehicle.from_dict(M113.to_dict() | {"hull_length": 5.0}).hull_length == 5.0
+
+
+@pytest.mark.parametrize("name", ["hull_length", "hull_width"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_impossible_hulls_are_refused(name: str, value: Any) -> None:
+    with pytest.raises(InvalidInputError, match=name):
+        replace(M113, **{name: value})
+
+
 def test_weight_elements_and_width_follow_from_the_fields() -> None:
     assert GRAVITY == 9.81
     assert M113.weight == 11300 * 9.81

@@ -227,11 +227,3 @@ class TestSettings:
     def test_what_does_not_fit_is_named(self, make_offroad: MakeOffRoad, settings: dict[str, Any], words: str) -> None:
         with pytest.raises(ConfigurationError, match=words):
             make_offroad(**settings)
-
-    def test_the_ground_beside_the_patches_can_be_drawn(self, make_offroad: MakeOffRoad) -> None:
-        env = make_offroad(terrains=("lete-sand", "snow-sweden"), patches=0)
-        seen = set()
-        for seed in range(8):
-            env.reset(seed=seed)
-            seen.add(float(env.ground.parameters_at(0.0, 0.0)[0]))
-        assert seen == {named("lete-sand").parameters[0], named("snow-sweden").parameters[0]}

@@ -89,9 +89,11 @@ class TestContract:
 
 
 class TestEpisodes:
-    def test_starts_and_goals_are_parking_v0s_seed_by_seed(self, make_parking: MakeParking) -> None:
+    @pytest.mark.parametrize("randomize", [None, {"terrain": "wide", "yaw_inertia": (0.5, 2.0)}])
+    def test_starts_and_goals_are_parking_v0s_seed_by_seed(self, make_parking: MakeParking, randomize: Any) -> None:
         gymnasium.register_envs(highway_env)
-        ours, theirs = make_parking(), gymnasium.make("parking-v0", config={"vehicles_count": 0})
+        ours = make_parking(randomize=randomize)
+        theirs = gymnasium.make("parking-v0", config={"vehicles_count": 0})
         for seed in range(12):
             mine, _ = ours.reset(seed=seed)
             yours, _ = theirs.reset(seed=seed)
@@ -110,7 +112,7 @@ class TestEpisodes:
         assert np.array(mine) == pytest.approx(np.array([each.position for each in theirs.road.vehicles[1:]]))
 
     def test_equal_seeds_give_equal_episodes_after_many_resets(self, make_parking: MakeParking) -> None:
-        settings = {"parked_vehicles": 3, "terrain_range": "wide", "start_spread": 2.0}
+        settings = {"parked_vehicles": 3, "randomize": {"terrain": "wide"}, "start_spread": 2.0}
         one, other = make_parking(**settings), make_parking(**settings)
         assert same(drive(one, 5), drive(other, 5))
         for _ in range(4):
@@ -130,7 +132,7 @@ class TestEpisodes:
         assert same(drawn, expected)
 
     def test_an_option_changes_what_it_names_alone(self, make_parking: MakeParking) -> None:
-        env = make_parking(parked_vehicles=2, terrain_range="wide")
+        env = make_parking(parked_vehicles=2, randomize={"terrain": "wide"})
         plain, _ = env.reset(seed=4)
         ground = env.ground.parameters_at(0.0, 0.0)
         turned, _ = env.reset(seed=4, options={"heading": 1.0})
@@ -317,7 +319,6 @@ class TestSettings:
             ({"position_tolerance": math.nan}, "position_tolerance"),
             ({"parked_vehicles": 27}, "parked_vehicles"),
             ({"top_speed": 30.0}, "top_speed"),
-            ({"terrains": "ice"}, "terrains"),
             ({"size": (0.0, 1.0)}, "footprint length"),
             ({"walls": 1}, "walls"),
         ],
@@ -331,9 +332,6 @@ class TestSettings:
         [
             ({"reward_weight": (1.0,) * 6}, "'reward_weights'"),
             ({"lowest_start_speed": 0.5}, "starts at rest"),
-            ({"terrain_range": "broad"}, "wide"),
-            ({"terrains": ("ice", "lete-sand")}, "one mode"),
-            ({"terrains": ("ice",), "terrain_range": "wide"}, "one of them"),
             ({"action_mode": "twists"}, "'twist'"),
             ({"render_mode": "rgb"}, "'rgb_array'"),
         ],
@@ -346,21 +344,6 @@ class TestSettings:
         config = make_parking(reward_exponent=1.0, position_tolerance=0.3).config
         assert config == ParkingConfig(reward_exponent=1.0, position_tolerance=0.3)
         assert config.reward_weights == ParkingConfig().reward_weights
-
-    def test_grounds_are_drawn_from_a_list_or_a_range(self, make_parking: MakeParking) -> None:
-        listed = make_parking(terrains=("ice", "gravel"))
-        seen = set()
-        for seed in range(12):
-            listed.reset(seed=seed)
-            seen.add(float(listed.ground.parameters_at(0.0, 0.0)[0]))
-        assert seen == {named("ice").parameters[0], named("gravel").parameters[0]}
-        ranged = make_parking(terrain_range="paper")
-        drawn = []
-        for seed in range(6):
-            ranged.reset(seed=seed)
-            drawn.append(float(ranged.ground.parameters_at(0.0, 0.0)[0]))
-        assert len(set(drawn)) == 6
-        assert all(0.4 <= mu <= 1.0 for mu in drawn)
 
     def test_starts_spread(self, make_parking: MakeParking) -> None:
         env = make_parking(start_spread=3.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from grouser.envs import VehicleState
+from grouser.envs import PathTrackingEnv, VehicleState
 from grouser.envs.highway import OffRoadEnv, ParkingEnv
 
 pytest.importorskip("pygame")
@@ -62,10 +63,10 @@ def test_y_points_up(parking: ParkingEnv) -> None:
 
 def test_the_hull_has_its_size(parking: ParkingEnv) -> None:
     frame = frame_of(parking, heading=0.0)
-    # The outline of 4.86 m, in a picture of 62.5 m height.
+    # The outline of 4.86 m, in a picture of 66 m height.
     dark = (np.abs(frame.astype(int) - (44, 50, 36)).max(axis=-1) <= 30)[200:440, 350:610]
     columns = np.flatnonzero(dark.any(axis=0))
-    assert np.ptp(columns) / (640 / 62.5) == pytest.approx(4.86, abs=0.3)
+    assert np.ptp(columns) / (640 / 66) == pytest.approx(4.86, abs=0.3)
 
 
 def test_slippery_patches_are_lighter(make_offroad: Callable[..., OffRoadEnv]) -> None:
@@ -91,3 +92,15 @@ def test_a_window(make_parking: Callable[..., ParkingEnv], monkeypatch: pytest.M
     env.step(np.zeros(2, np.float32))
     assert env.render() is None
     env.close()
+
+
+def test_the_ground_is_shaded_as_in_the_other_tasks(make_offroad: Callable[..., OffRoadEnv]) -> None:
+    """Against a frame of the path-tracking environment on one of the grounds."""
+    env = make_offroad("physics", terrain="asphalt", render_mode="rgb_array", patches=0, obstacles=0)
+    task = PathTrackingEnv("physics", terrain="asphalt", render_mode="rgb_array")
+    frames = frame_of(env, heading_offset=0.0), frame_of(task)
+    # Right below the panel, beside road and path.
+    colors = [
+        Counter(map(tuple, frame[220:240, 40:300].reshape(-1, 3).tolist())).most_common(1)[0][0] for frame in frames
+    ]
+    assert colors[0] == colors[1]
