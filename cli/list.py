@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.markup import escape
@@ -26,6 +26,9 @@ from ..terrain import (
 from ._console import out, print_facts
 from ._options import starting_with
 from ._tables import table
+
+if TYPE_CHECKING:
+    from ..controllers import Policy
 
 listing = typer.Typer(
     no_args_is_help=True,
@@ -148,12 +151,19 @@ def policies() -> None:
             trained["id"],
             policy.architecture.algorithm,
             trained["vehicle"]["name"],
-            f"{trained['arguments']['backend']}, {trained['arguments']['terrain']}",
+            _trained_on(policy),
             policy.content_hash[:12],
             str(policy.recipe["steps"]),
             f"{len(read_shipped(name)) / 1000:.0f}",
         )
     out.print(made)
+
+
+def _trained_on(policy: Policy) -> str:
+    arguments = policy.environment["arguments"]
+    settings = [policy.environment["settings"], *(stage["settings"] for stage in policy.recipe.get("curriculum", ()))]
+    randomized = any(each.get("randomize") for each in settings)
+    return f"{arguments['backend']}, {arguments['terrain']}{', randomized' if randomized else ''}"
 
 
 def _print_names(names: tuple[str, ...]) -> None:
