@@ -19,6 +19,8 @@ WHEEL_REQUIRED = (
     r"grouser/terrain/data/terrains\.toml",
     r"grouser/surrogate/artifacts/m113-rigid\.safetensors",
     r"grouser/surrogate/artifacts/m113-soil\.safetensors",
+    r"grouser/controllers/rl/policies/m113-parking\.safetensors",
+    r"grouser/controllers/rl/policies/m113-path-tracking\.safetensors",
     r"grouser/cli/__init__\.py",
 )
 WHEEL_ALLOWED = (
@@ -34,6 +36,7 @@ SOURCE_REQUIRED = (
     r"native/include/grouser/physics\.h",
     r"terrain/block\.py",
     r"surrogate/artifacts/m113-rigid\.safetensors",
+    r"controllers/rl/policies/m113-path-tracking\.safetensors",
 )
 SOURCE_ALLOWED = (
     r"(envs|terrain|surrogate|controllers|native|cli|tests|docs|examples)/.*\.(py|pyi|toml|yml|safetensors|c|cpp|h|txt|md|json)"

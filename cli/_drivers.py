@@ -26,7 +26,7 @@ def driver_factory(
     Parameters
     ----------
     controller : str
-        One of :data:`CONTROLLERS`, or the file of a policy.
+        One of :data:`CONTROLLERS`, the file of a policy, or the name of a shipped one.
     path : Path
         To drive along.
     vehicle : TrackedVehicle
@@ -41,16 +41,24 @@ def driver_factory(
     ConfigurationError
         If the controller is unknown, or the policy is for another vehicle or ground.
     """
-    from ..controllers import MPCConfig, PathTrackingMPC, PolicyDriver, PurePursuit, identify_slip, load_policy
+    from ..controllers import (
+        MPCConfig,
+        PathTrackingMPC,
+        PolicyDriver,
+        PurePursuit,
+        identify_slip,
+        load_policy,
+        shipped_policies,
+    )
 
-    if controller.endswith(_POLICY_SUFFIX):
+    if controller.endswith(_POLICY_SUFFIX) or controller in shipped_policies():
         policy = load_policy(controller)
         trained = PolicyDriver(policy, path, ground).vehicle
         if trained != vehicle:
             raise ConfigurationError(f"{controller} drives {trained.name}, asked for {vehicle.name}: pass --vehicle")
         return FilePath(controller).stem, lambda: PolicyDriver(policy, path, ground)
     if controller not in CONTROLLERS:
-        raise unknown_name("controller", controller, (*CONTROLLERS, f"POLICY{_POLICY_SUFFIX}"))
+        raise unknown_name("controller", controller, (*CONTROLLERS, *shipped_policies(), f"POLICY{_POLICY_SUFFIX}"))
     x, y = path.point_at(0.0)
     start = terrain_type(ground.mode)(*ground.parameters_at(float(x), float(y)).tolist())
     slip = identify_slip(vehicle, start, speed=speed)

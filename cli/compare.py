@@ -23,7 +23,7 @@ def compare(
     ] = "asphalt",
     path: PathOrFile = "iso-3888-1",
     controller: Annotated[
-        str, typer.Option(metavar="NAME,...", help="Drivers: mpc, pure-pursuit, or files of policies.")
+        str, typer.Option(metavar="NAME,...", help="Drivers: mpc, pure-pursuit, or policies, shipped or files.")
     ] = "mpc,pure-pursuit",
     backends: Annotated[
         str, typer.Option(metavar="NAME,...", help="Who gives the force. Physics is always driven, as the reference.")

@@ -21,12 +21,12 @@ def demo(
     workers: Workers = 2,
     seed: Seed = 0,
     quick: Annotated[
-        bool, typer.Option("--quick", help="A minute's worth: tiny data, surrogates and policies that drive badly.")
+        bool, typer.Option("--quick", help="A minute's worth: tiny data, and surrogates that know little.")
     ] = False,
 ) -> None:
-    """Do everything once: data, two surrogates, two policies, and every driver on every backend.
+    """Do everything once: data, two surrogates, and every driver on every backend.
 
-    MPC and a trained policy drive an M113 through a double lane change on asphalt, on sand, and from asphalt onto
+    MPC and the shipped policy drive an M113 through a double lane change on asphalt, on sand, and from asphalt onto
     ice, each on the physics, torch, native and guarded backends. The folder gets compare.json, a plot for every pair
     of drives, and report.html, one page that needs no other file. Called again with the same folder and options, it
     uses what is finished.
@@ -57,7 +57,4 @@ def quick_config(seed: int) -> DemoConfig:
         samples_per_run=100,
         time_limit=20.0,
         training=replace(config.training, hidden=(32, 32), epochs=2, batch_size=256),
-        policy=config.policy.changed(
-            {"n_timesteps": 512, "n_envs": 2, "n_steps": 128, "batch_size": 128, "n_epochs": 2}
-        ),
     )

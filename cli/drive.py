@@ -24,7 +24,7 @@ def drive(
     terrain: Terrain = "asphalt",
     path: PathOrFile = "iso-3888-1",
     controller: Annotated[
-        str, typer.Option(metavar="NAME|FILE", help="Driver: mpc, pure-pursuit, or the file of a policy.")
+        str, typer.Option(metavar="NAME|FILE", help="Driver: mpc, pure-pursuit, or a policy, shipped or a file.")
     ] = "mpc",
     backend: Backend = "native",
     vehicle: Vehicle = "m113",

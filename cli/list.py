@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.markup import escape
@@ -27,10 +27,13 @@ from ._console import out, print_facts
 from ._options import starting_with
 from ._tables import table
 
+if TYPE_CHECKING:
+    from ..controllers import Policy
+
 listing = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="List vehicles, grounds, backends and paths by name, and where their numbers come from.",
+    help="List vehicles, grounds, backends, paths and policies by name, and where their numbers come from.",
 )
 
 _VEHICLE_COLUMNS: Final = {
@@ -127,6 +130,40 @@ def paths() -> None:
     Lanes of iso-3888-1 are as wide as the vehicle asks for; every other path is the same for all vehicles.
     """
     _print_names(path_names())
+
+
+@listing.command(epilog="Example: grouser list policies")
+def policies() -> None:
+    """List the policies that --controller and grouser rl take by name: what they were trained in, on what, how long.
+
+    They are judged by grouser rl eval NAME.
+    """
+    from ..controllers import load_policy, shipped_policies
+    from ..controllers.rl.shipped import read_shipped
+
+    columns = ["name", "environment", "algorithm", "vehicle", "trained on", "content hash", "steps", "kB"]
+    made = table("Policies", columns, text_columns=6)
+    for name in shipped_policies():
+        policy = load_policy(name)
+        trained = policy.environment
+        made.add_row(
+            name,
+            trained["id"],
+            policy.architecture.algorithm,
+            trained["vehicle"]["name"],
+            _trained_on(policy),
+            policy.content_hash[:12],
+            str(policy.recipe["steps"]),
+            f"{len(read_shipped(name)) / 1000:.0f}",
+        )
+    out.print(made)
+
+
+def _trained_on(policy: Policy) -> str:
+    arguments = policy.environment["arguments"]
+    settings = [policy.environment["settings"], *(stage["settings"] for stage in policy.recipe.get("curriculum", ()))]
+    randomized = any(each.get("randomize") for each in settings)
+    return f"{arguments['backend']}, {arguments['terrain']}{', randomized' if randomized else ''}"
 
 
 def _print_names(names: tuple[str, ...]) -> None:

@@ -15,6 +15,7 @@ from .rl import (
     TrainingResult,
     evaluate,
     load_policy,
+    shipped_policies,
     train_policy,
 )
 from .slip_model import PredictionModel, SlipParameters, identify_slip
@@ -48,6 +49,7 @@ __all__ = [
     "evaluate",
     "identify_slip",
     "load_policy",
+    "shipped_policies",
     "train_policy",
     "without_times",
 ]

@@ -1,4 +1,4 @@
-"""The whole thread in one call: data, two surrogates, two policies, and every driver on every backend."""
+"""The whole thread in one call: data, two surrogates, and every driver on every backend."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from ..surrogate.offline.training_config import TrainingConfig
 from ..surrogate.threads import torch_threads
 from ..terrain import (
     ArtifactError,
+    ConfigurationError,
     Ground,
     InvalidInputError,
     Mode,
@@ -38,7 +39,7 @@ from .comparison import Drive, DriverFactory, Scenario, compare, document
 from .mpc import PathTrackingMPC
 from .mpc_config import MPCConfig
 from .report import write_report
-from .rl import PolicyDriver, Recipe, TrainingPlan, load_policy, train_policy
+from .rl import Policy, PolicyDriver, load_policy
 from .slip_model import identify_slip
 
 # Of the map of the third scenario, in m: how far it reaches around the path, and its cells. Its border between asphalt
@@ -47,23 +48,6 @@ _MAP_MARGIN: Final = 10.0
 _MAP_SPACING: Final = 0.25
 
 BACKENDS: Final = ("physics", "torch", "native", "guarded")
-
-# For a budget of tens of thousands of steps: many small updates.
-_SHORT_RECIPE: Final[dict[str, Any]] = {
-    "algorithm": "ppo",
-    "environment": "path-tracking",
-    "n_timesteps": 36_864,
-    "n_envs": 16,
-    "env_kwargs": {"action_mode": "twist", "random_start": True, "time_limit": 8.0, "cross_track_weight": 2.0},
-    "policy_kwargs": {"net_arch": [64, 64], "activation": "tanh", "log_std_init": -1.5},
-    "hyperparameters": {
-        "n_steps": 64,
-        "batch_size": 256,
-        "n_epochs": 10,
-        "learning_rate": "lin_4e-3",
-        "gamma": 0.9,
-    },
-}
 
 #: Called with a stage's name, what is done of it, and all of it.
 StageProgress = Callable[[str, int, int], None]
@@ -85,8 +69,8 @@ class DemoConfig:
         Logged ticks a run.
     training : TrainingConfig
         Of both surrogates.
-    policy : Recipe
-        Of both policies.
+    policy : str
+        That drives on every ground: the name of a shipped one, or a file; of the same vehicle and reference speed.
     path : str
         Name of the path or a CSV file.
     speed : float
@@ -108,7 +92,7 @@ class DemoConfig:
     training: TrainingConfig = field(
         default_factory=lambda: TrainingConfig(epochs=8, batch_size=2048, learning_rate=3e-3, learning_rate_decay=0.85)
     )
-    policy: Recipe = field(default_factory=lambda: Recipe(**_SHORT_RECIPE))
+    policy: str = "m113-path-tracking"
     path: str = "iso-3888-1"
     speed: float = 5.0
     ice_from: float = 40.0
@@ -169,7 +153,7 @@ def run_demonstration(
     config : DemoConfig
         Sizes.
     folder : Path
-        Gets ``data/``, ``artifacts/``, ``policies/``, ``compare.json``, plots and ``report.html``.
+        Gets ``data/``, ``artifacts/``, ``compare.json``, plots and ``report.html``.
     workers : int
         Processes. The results do not depend on their number.
     progress : callable, optional
@@ -178,7 +162,13 @@ def run_demonstration(
     Returns
     -------
     Demonstration
+
+    Raises
+    ------
+    ConfigurationError
+        If the policy is unknown, of another task, vehicle or reference speed, or observes the terrain.
     """
+    policy = _policy_that_fits(config)
     tell = progress or (lambda stage, done, total: None)
     began = perf_counter()
     modes: tuple[Mode, ...] = ("rigid", "soil")
@@ -191,13 +181,9 @@ def run_demonstration(
         )
     vehicle = TrackedVehicle.preset(config.vehicle).name
     artifacts = {mode: folder / "artifacts" / f"{vehicle}-{mode}.safetensors" for mode in modes}
-    policies = {mode: folder / "policies" / f"{vehicle}-{mode}.safetensors" for mode in modes}
     _in_processes(_train_surrogate, [(config, mode, folder, artifacts[mode]) for mode in modes], workers, tell)
-    _in_processes(
-        _train_policy, [(config, mode, str(artifacts[mode]), policies[mode]) for mode in modes], workers, tell
-    )
 
-    scenarios = demo_scenarios(config, artifacts, policies)
+    scenarios = demo_scenarios(config, artifacts, policy)
     total = sum(len(scenario.drivers) for scenario in scenarios) * len(BACKENDS)
     driven = iter(range(total))
     with torch_threads(1):
@@ -210,12 +196,13 @@ def run_demonstration(
     meta = {
         "config": asdict(config),
         "artifacts": {mode: surrogate.content_hash for mode, surrogate in surrogates.items()},
+        "policy": policy.content_hash,
         "datasets": {mode: surrogate.dataset_hash for mode, surrogate in surrogates.items()},
         "summary": (
             f"{vehicle} at {config.speed:g} m/s along {config.path}, on asphalt, on LETE sand, and on asphalt "
             f"that is ice (μ 0.1) from x = {config.ice_from:g} m on, which lies outside the rigid surrogate's data. "
             "Start: up to 0.1 m and 0.01 rad off the path, the same for every backend. The MPC on ice is told the slip "
-            "parameters of ice; the policy is told nothing."
+            "parameters of ice; the policy is told nothing of the ground."
         ),
         "times": {"seconds": perf_counter() - began},
     }
@@ -227,9 +214,7 @@ def run_demonstration(
     return Demonstration(compared, drives, metrics, files)
 
 
-def demo_scenarios(
-    config: DemoConfig, artifacts: Mapping[Mode, FilePath], policies: Mapping[Mode, FilePath]
-) -> list[Scenario]:
+def demo_scenarios(config: DemoConfig, artifacts: Mapping[Mode, FilePath], policy: Policy) -> list[Scenario]:
     """Return the three drives: asphalt, LETE sand, and asphalt that turns to ice."""
     vehicle = TrackedVehicle.preset(config.vehicle)
     path = make_path(config.path, vehicle)
@@ -239,9 +224,9 @@ def demo_scenarios(
     patches = [Patch(ice, Rectangle(x_min=config.ice_from))]
     onto_ice = paint_field(asphalt, extent, spacing=_MAP_SPACING, patches=patches, outside="extend")
     return [
-        _scenario(config, "asphalt", "asphalt", asphalt, asphalt, vehicle, path, artifacts, policies),
-        _scenario(config, "lete-sand", "lete-sand", sand, sand, vehicle, path, artifacts, policies),
-        _scenario(config, "onto-ice", "asphalt, then ice", onto_ice, ice, vehicle, path, artifacts, policies),
+        _scenario(config, "asphalt", "asphalt", asphalt, asphalt, vehicle, path, artifacts, policy),
+        _scenario(config, "lete-sand", "lete-sand", sand, sand, vehicle, path, artifacts, policy),
+        _scenario(config, "onto-ice", "asphalt, then ice", onto_ice, ice, vehicle, path, artifacts, policy),
     ]
 
 
@@ -254,15 +239,14 @@ def _scenario(
     vehicle: TrackedVehicle,
     path: Path,
     artifacts: Mapping[Mode, FilePath],
-    policies: Mapping[Mode, FilePath],
+    policy: Policy,
 ) -> Scenario:
     slip = identify_slip(vehicle, slip_ground, speed=config.speed)
-    policy = load_policy(policies[ground.mode])
 
     def mpc() -> Driver:
         return PathTrackingMPC(path, vehicle, slip, MPCConfig(speed=config.speed))
 
-    drivers: dict[str, DriverFactory] = {"mpc": mpc, "ppo": lambda: PolicyDriver(policy, path, ground)}
+    drivers: dict[str, DriverFactory] = {"mpc": mpc, "policy": lambda: PolicyDriver(policy, path, ground)}
     artifact = {"artifact": artifacts[ground.mode]}
     return Scenario(
         name,
@@ -275,6 +259,20 @@ def _scenario(
         {backend: artifact for backend in BACKENDS if backend != "physics"},
         config.time_limit,
     )
+
+
+def _policy_that_fits(config: DemoConfig) -> Policy:
+    """Return the policy, before minutes are spent on what it is to drive on."""
+    policy, vehicle = load_policy(config.policy), TrackedVehicle.preset(config.vehicle)
+    path = make_path(config.path, vehicle)
+    driver, _ = (PolicyDriver(policy, path, named(terrain)) for terrain in ("asphalt", "lete-sand"))
+    if driver.vehicle != vehicle:
+        raise ConfigurationError(f"the policy {config.policy} drives {driver.vehicle.name}, asked for {vehicle.name}")
+    if driver.config.reference_speed != config.speed:
+        raise ConfigurationError(
+            f"the policy {config.policy} drives at {driver.config.reference_speed:g} m/s, asked for {config.speed:g}"
+        )
+    return policy
 
 
 def _train_surrogate(tell: StageProgress, config: DemoConfig, mode: Mode, folder: FilePath, output: FilePath) -> None:
@@ -290,40 +288,6 @@ def _train_surrogate(tell: StageProgress, config: DemoConfig, mode: Mode, folder
         tell(stage, epoch.epoch, epoch.epochs)
 
     train_surrogate(dataset, config.training, output, report=report)
-
-
-def _train_policy(tell: StageProgress, config: DemoConfig, mode: Mode, artifact: str, output: FilePath) -> None:
-    stage, steps = f"policy, {mode}", config.policy.n_timesteps
-    surrogate = Surrogate.load(artifact)
-    environment = {
-        "backend": "native",
-        "vehicle": config.vehicle,
-        "terrain": "asphalt" if mode == "rigid" else "lete-sand",
-        "path": config.path,
-        "reference_speed": config.speed,
-        "backend_options": {"artifact": artifact},
-    }
-    plan = TrainingPlan(config.policy, environment, seed=config.seed)
-    if _is_policy_current(output, plan, surrogate.content_hash):
-        tell(stage, steps, steps)
-        return
-    tell(stage, 0, steps)
-    train_policy(plan, progress=lambda done, total, _: tell(stage, done, total)).policy.save(output)
-
-
-def _is_policy_current(file: FilePath, plan: TrainingPlan, origin: str) -> bool:
-    """Whether a policy of an earlier call is what would be trained now."""
-    try:
-        made = load_policy(file)
-    except ArtifactError:
-        return False
-    wanted = json.loads(json.dumps({**plan.recipe.to_json(), "seed": plan.seed}))
-    arguments = {key: value for key, value in plan.training.arguments.items() if key != "backend_options"}
-    return (
-        made.environment["backend"].get("artifact") == origin
-        and made.environment["arguments"] == arguments
-        and all(made.recipe.get(key) == value for key, value in wanted.items())
-    )
 
 
 def _is_surrogate_current(file: FilePath, recipe: Mapping[str, Any], dataset: str) -> bool:

@@ -23,7 +23,13 @@ Algorithm = Annotated[
 Environment = Annotated[
     str, typer.Argument(metavar="ENV", help="Id or short name: path-tracking, PathTracking-v0, parking, ...")
 ]
-PolicyFile = Annotated[Path, typer.Argument(metavar="POLICY", help="Policy that grouser rl train made.")]
+PolicyFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="POLICY",
+        help="Policy that grouser rl train made, or the name of a shipped one: see grouser list policies.",
+    ),
+]
 RecipeFile = Annotated[
     Path | None,
     typer.Option(

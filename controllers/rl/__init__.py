@@ -10,6 +10,7 @@ from .policy import Policy, load_policy
 from .recipe import Recipe, read_value, recipe_text, shipped_recipes
 from .recording import record_dataset
 from .run_folder import read_curve
+from .shipped import shipped_policies
 from .training import TrainingResult, train_policy
 from .tuning import TuningResult, tune
 from .video import film
@@ -36,6 +37,7 @@ __all__ = [
     "read_value",
     "recipe_text",
     "record_dataset",
+    "shipped_policies",
     "shipped_recipes",
     "short_name",
     "train_policy",

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 import gymnasium
 from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike
 
 from ...envs.batch import Batch
+from ...envs.disturbances import Delay
 from ...envs.sb3 import make_sb3_vec_env
 from ...envs.tracked_env import TrackedVehicleEnv
 from ...envs.vector import TrackedVehicleVectorEnv
+from ...envs.wrappers import ActionDelay, ObservationNoise
 from ...terrain import ConfigurationError, InvalidInputError, TrackedVehicle, missing_extra, unknown_name
 
 if TYPE_CHECKING:
@@ -100,13 +103,48 @@ class EnvironmentSpec:
             return None
         return vector.batch if isinstance(vector, TrackedVehicleVectorEnv) else None
 
-    def make_vec_env(self, count: int, threads: int = 1) -> VecEnv:
-        """Return stable-baselines3's environment: the compiled batch, or single environments stepped in turn.
+    def make_disturbed(
+        self, observation_noise: ArrayLike | None = None, action_delay: Delay | None = None
+    ) -> gymnasium.Env[Any, Any]:
+        """Return a single environment with noise on what is observed and delay of what is commanded, where given.
 
         Raises
         ------
         ConfigurationError
-            If stable-baselines3 is not installed, or a name or setting is unknown.
+            If its spaces take none.
+        InvalidInputError
+            If the noise or the delay is impossible.
+        """
+        made = self.make()
+        if action_delay is not None:
+            made = ActionDelay(made, action_delay)
+        return made if observation_noise is None else ObservationNoise(made, observation_noise)
+
+    def make_vec_env(
+        self,
+        count: int,
+        threads: int = 1,
+        *,
+        observation_noise: ArrayLike | None = None,
+        action_delay: Delay | None = None,
+    ) -> VecEnv:
+        """Return stable-baselines3's environment: the compiled batch, or single environments stepped in turn.
+
+        Parameters
+        ----------
+        count : int
+            Number of environments.
+        threads : int
+            That share the batch.
+        observation_noise, action_delay : optional
+            As :class:`~grouser.envs.ObservationNoise` and :class:`~grouser.envs.ActionDelay` take them.
+
+        Raises
+        ------
+        ConfigurationError
+            If stable-baselines3 is not installed, a name or setting is unknown, or the spaces take no noise or delay.
+        InvalidInputError
+            If the noise or the delay is impossible.
         """
         try:
             from stable_baselines3.common.monitor import Monitor
@@ -115,11 +153,20 @@ class EnvironmentSpec:
             raise missing_extra("stable-baselines3", "rl") from error
         if _has_vector_class(self.id):
             try:
-                return make_sb3_vec_env(self.id, count, threads=threads, **self.arguments)
+                return make_sb3_vec_env(
+                    self.id,
+                    count,
+                    observation_noise=observation_noise,
+                    action_delay=action_delay,
+                    threads=threads,
+                    **self.arguments,
+                )
             except ConfigurationError:
                 # What is wrong with the arguments is wrong for a single environment too; what is not compiled is not.
                 self.make().close()
-        return DummyVecEnv([lambda: Monitor(self.make()) for _ in range(count)])
+        return DummyVecEnv(
+            [lambda: Monitor(self.make_disturbed(observation_noise, action_delay)) for _ in range(count)]
+        )
 
     def facts(self) -> dict[str, Any]:
         """Return what a policy has to know of the environment that it was trained in, as JSON can hold it.

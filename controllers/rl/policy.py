@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final
@@ -14,11 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...surrogate.container import Tensors, content_hash, pack, unpack
-from ...terrain import ArtifactError, ConfigurationError, GrouserError, InvalidInputError, TrackedVehicle, write_aside
+from ...terrain import (
+    ArtifactError,
+    ConfigurationError,
+    GrouserError,
+    InvalidInputError,
+    TrackedVehicle,
+    unknown_name,
+    write_aside,
+)
 from .actor import Actor, read_actor
 from .algorithms import Architecture, algorithm_named
 from .environment import EnvironmentSpec, require_same_task
 from .normalizer import ObservationNormalizer
+from .shipped import read_shipped, require_shipped, shipped_policies
 from .spaces import describe_space, space_from_json, space_to_json
 
 if TYPE_CHECKING:
@@ -27,6 +36,8 @@ if TYPE_CHECKING:
 FORMAT_VERSION: Final = 1
 _KIND: Final = "policy"
 _WEIGHTS: Final = "policy."
+# Where algorithms with a replay buffer keep their actor; all else of their policy is critics.
+_ACTOR: Final = "actor."
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +49,7 @@ class Policy:
     architecture : Architecture
         Algorithm, layers and activation.
     weights : mapping of str to ndarray
-        The whole policy's state, critics included, by the names that stable-baselines3 gives its parts.
+        The policy's state, critics included or left out, by the names that stable-baselines3 gives its parts.
     observation_space, action_space : gymnasium.Space
         A box, or for goals a dictionary of boxes; a box.
     environment : mapping
@@ -160,8 +171,32 @@ class Policy:
         self.require(spec)
         return spec
 
+    @property
+    def has_critics(self) -> bool:
+        """Whether the weights hold the critics too."""
+        return any(not name.startswith(_ACTOR) for name in self.weights)
+
+    def without_critics(self) -> Policy:
+        """Return the policy with the actor alone: all that drives, in a small part of the bytes.
+
+        Raises
+        ------
+        ConfigurationError
+            If the algorithm learns from fresh rollouts: its actor and critic are one module, and small.
+        """
+        if algorithm_named(self.architecture.algorithm).on_policy:
+            raise ConfigurationError(f"a policy of {self.architecture.algorithm} is one module with its critic")
+        kept = {name: array for name, array in self.weights.items() if name.startswith(_ACTOR)}
+        return replace(self, weights=kept)
+
     def to_sb3(self) -> BasePolicy:
-        """Rebuild stable-baselines3's policy, critics included; it takes observations that :meth:`normalize` returned.
+        """Rebuild stable-baselines3's policy; it takes observations that :meth:`normalize` returned.
+
+        Returns
+        -------
+        stable_baselines3.common.policies.BasePolicy
+            The whole policy, or without critics the library's ``Actor``, which predicts and explores likewise and has
+            nothing to be mistaken for a trained critic.
 
         Raises
         ------
@@ -170,16 +205,18 @@ class Policy:
         ConfigurationError
             If stable-baselines3 or, where needed, sb3-contrib is not installed.
         """
-        policy = self.architecture.build_policy(self.observation_space, self.action_space)
+        whole: Any = self.architecture.build_policy(self.observation_space, self.action_space)
         import torch
 
-        state = {name: torch.from_numpy(np.array(array)) for name, array in self.weights.items()}
+        prefix = "" if self.has_critics else _ACTOR
+        rebuilt: BasePolicy = whole if self.has_critics else whole.actor
+        state = {name.removeprefix(prefix): torch.from_numpy(np.array(array)) for name, array in self.weights.items()}
         try:
-            policy.load_state_dict(state)
+            rebuilt.load_state_dict(state)
         except RuntimeError as error:
             raise ArtifactError(f"the weights are not those of the policy's architecture: {error}") from error
-        policy.set_training_mode(False)
-        return policy
+        rebuilt.set_training_mode(False)
+        return rebuilt
 
     def save(self, path: str | os.PathLike[str]) -> FilePath:
         """Write the policy as one sealed ``.safetensors`` file."""
@@ -218,16 +255,35 @@ def _frozen(array: NDArray[Any]) -> NDArray[Any]:
 def load_policy(path: str | os.PathLike[str]) -> Policy:
     """Read a policy, checking that it is whole and unaltered.
 
+    Parameters
+    ----------
+    path : str or path-like
+        File, or one of :func:`shipped_policies`.
+
     Raises
     ------
     ArtifactError
         If there is no such file, or it is truncated, altered, or not a policy.
+    ConfigurationError
+        If a name without ``.safetensors`` is neither a file nor that of a shipped policy.
     """
+    name = str(path)
+    if name in shipped_policies():
+        policy = _decode(read_shipped(name), f"shipped {name}")
+        require_shipped(name, policy.content_hash)
+        return policy
+    file = FilePath(path)
+    if file.name == name and not file.suffix and not file.exists():
+        raise unknown_name("policy", name, shipped_policies())
     try:
-        data = FilePath(path).read_bytes()
+        data = file.read_bytes()
     except OSError as error:
-        raise ArtifactError(f"cannot read policy {str(path)!r}: {error.strerror}") from error
-    tensors, metadata = unpack(data, str(path), FORMAT_VERSION)
+        raise ArtifactError(f"cannot read policy {name!r}: {error.strerror}") from error
+    return _decode(data, name)
+
+
+def _decode(data: bytes, source: str) -> Policy:
+    tensors, metadata = unpack(data, source, FORMAT_VERSION)
     try:
         if metadata["kind"] != _KIND:
             raise ArtifactError(f"it is a {metadata['kind']}")
@@ -242,4 +298,4 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
             metadata["recipe"],
         )
     except (KeyError, TypeError, ValueError, GrouserError) as error:
-        raise ArtifactError(f"{str(path)!r} does not hold a policy: {error}") from error
+        raise ArtifactError(f"{source!r} does not hold a policy: {error}") from error

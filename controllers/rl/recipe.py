@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from ...terrain import ConfigurationError, InvalidInputError, missing_extra, unknown_name
 from .algorithms import Algorithm, Architecture, algorithm_named
+from .curriculum import Stage, read_stages
 from .environment import environment_id, short_name
 
 _LINEAR: Final = re.compile(r"lin_(.+)")
@@ -44,6 +45,14 @@ class Recipe:
         Settings of the environment in training.
     eval_env_kwargs : mapping
         What of them is otherwise where the policy is judged.
+    curriculum : sequence of mapping
+        Stages ``{"at": 0.3, "settings": {...}}``: from that share of the steps on, episodes that begin have these
+        settings. Policies are judged in those of ``env_kwargs`` and ``eval_env_kwargs`` all along.
+    observation_noise : float or sequence of float, optional
+        Standard deviations of the noise on observations in training, as :class:`~grouser.envs.ObservationNoise` takes
+        them.
+    action_delay : int or pair of int, optional
+        Delay of actions in training, as :class:`~grouser.envs.ActionDelay` takes it.
     policy_kwargs : mapping
         ``net_arch``, ``activation`` and further arguments of stable-baselines3's policy.
     hyperparameters : mapping
@@ -64,6 +73,9 @@ class Recipe:
     normalize: bool | Mapping[str, Any] = False
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)
     eval_env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    curriculum: Sequence[Mapping[str, Any]] = ()
+    observation_noise: float | Sequence[float] | None = None
+    action_delay: int | Sequence[int] | None = None
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
     hyperparameters: Mapping[str, Any] = field(default_factory=dict)
 
@@ -84,7 +96,7 @@ class Recipe:
             if name not in known:
                 raise unknown_name(f"hyper-parameter of {self.algorithm}", name, known)
             _require_possible(name, value)
-        _ = self.architecture
+        _ = self.architecture, self.stages
 
     @property
     def kind(self) -> Algorithm:
@@ -95,6 +107,20 @@ class Recipe:
     def name(self) -> str:
         """Algorithm and task, as the file of the shipped recipe is called."""
         return f"{self.algorithm}-{short_name(self.environment)}"
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """The curriculum."""
+        return read_stages(self.curriculum)
+
+    @property
+    def disturbances(self) -> dict[str, Any]:
+        """Noise and delay, as :meth:`EnvironmentSpec.make_vec_env` takes them."""
+        delay = self.action_delay
+        return {
+            "observation_noise": self.observation_noise,
+            "action_delay": tuple(delay) if isinstance(delay, Sequence) and not isinstance(delay, str) else delay,
+        }
 
     @property
     def architecture(self) -> Architecture:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections import deque
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path as FilePath
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from .checkpoint import load_checkpoint, read_checkpoint, save_checkpoint
+from .curriculum import Stage
 from .evaluation import evaluate
 from .model import policy_of
 from .plan import TrainingPlan
@@ -30,7 +32,7 @@ _REPORTS: Final = 100
 
 
 class Run:
-    """What is done between rollouts: evaluations, checkpoints, fresh environments, a word to who waits.
+    """What is done between rollouts: stages, evaluations, checkpoints, fresh environments, a word to who waits.
 
     Parameters
     ----------
@@ -79,6 +81,7 @@ class Run:
             self._report: max(1, plan.recipe.n_timesteps // _REPORTS) if progress is not None else 0,
         }
         self._next: dict[Callable[[int], None], int] = {}
+        self._coming = deque(plan.recipe.stages)
         self._began = perf_counter()
         self._evaluated = -1
         self.first = 0
@@ -100,6 +103,7 @@ class Run:
         """Restore the model, now that the library has reset all that it resets, and begin the first episodes."""
         if self._from is not None:
             load_checkpoint(self._from, self._model)
+        self._enter_stages(self.first)
         self._schedule(self.first)
         self._begin_episodes()
         self._began = perf_counter()
@@ -108,6 +112,8 @@ class Run:
         """Do what is due."""
         began = perf_counter()
         steps = self._model.num_timesteps
+        # First, so that the episodes that begin at a checkpoint are those that a resumed training begins there.
+        self._enter_stages(steps)
         for action, step in self._next.items():
             if steps >= step:
                 action(steps)
@@ -130,7 +136,17 @@ class Run:
 
     def _schedule(self, steps: int) -> None:
         self._next = {action: (steps // every + 1) * every for action, every in self._every.items() if every}
-        self.due = min(self._next.values(), default=math.inf)
+        stage = [self._first_step(self._coming[0])] if self._coming else []
+        self.due = min([*self._next.values(), *stage], default=math.inf)
+
+    def _first_step(self, stage: Stage) -> int:
+        return stage.first_step(self._plan.recipe.n_timesteps)
+
+    def _enter_stages(self, steps: int) -> None:
+        """Give the environments the settings of all stages that have come."""
+        environment = self._model.get_env()
+        while environment is not None and self._coming and self._first_step(self._coming[0]) <= steps:
+            environment.env_method("reconfigure", **self._coming.popleft().settings)
 
     def _begin_episodes(self) -> None:
         model, environment = self._model, self._model.get_env()

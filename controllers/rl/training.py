@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...surrogate.threads import torch_threads
 from ...terrain import ConfigurationError, missing_extra
+from .curriculum import rehearse
 from .model import build_model
 from .plan import TrainingPlan
 from .policy import Policy
@@ -71,7 +72,8 @@ def train_policy(
     Raises
     ------
     ConfigurationError
-        If the folder holds a training and ``resume`` is not given, or that of another plan, or a package is missing.
+        If the folder holds a training and ``resume`` is not given, or that of another plan, a package is missing, or
+        the environment takes a stage of the curriculum, the noise or the delay not.
     ArtifactError
         If the checkpoint is missing, truncated or altered.
     """
@@ -82,11 +84,13 @@ def train_policy(
     if resume and folder is None:
         raise ConfigurationError("only a training in a folder can be resumed")
     facts = plan.training.facts()
+    rehearse(plan.training, plan.recipe.stages)
+    plan.training.make_disturbed(**plan.recipe.disturbances).close()
     if folder is not None:
         claim(folder, identity_of(plan, facts), resume=resume)
     began = perf_counter()
     with torch_threads(1):
-        environment = plan.training.make_vec_env(plan.recipe.n_envs, plan.threads)
+        environment = plan.training.make_vec_env(plan.recipe.n_envs, plan.threads, **plan.recipe.disturbances)
         try:
             model = build_model(plan.recipe, environment, plan.seed)
             run = Run(plan, facts, model, folder, progress)

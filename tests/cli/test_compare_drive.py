@@ -51,6 +51,14 @@ def test_drive_on_a_guarded_surrogate_says_what_the_guard_did(
         assert json.loads(str(log["meta"]))["backend"]["backend"] == "guarded"
 
 
+def test_a_shipped_policy_drives_by_its_name(call: Any, short_path: Path) -> None:
+    options = ("--backend", "physics", "--path", short_path, "--time-limit", 1)
+    assert "driven       1.00 s" in call("drive", "--controller", "m113-path-tracking", *options).out
+    unknown = call("drive", "--controller", "m113-path-traking", *options, code=2).err
+    assert "did you mean 'm113-path-tracking'" in unknown
+    assert "trained in grouser/Parking-v0" in call("drive", "--controller", "m113-parking", *options, code=2).err
+
+
 def test_drive_is_shown_as_a_still_and_as_a_film(call: Any, short_path: Path, tmp_path: Path) -> None:
     for name, frames in (("last.png", 1), ("all.gif", 9)):
         target = tmp_path / "new" / name

@@ -19,12 +19,12 @@ ROW = {
 }  # fmt: skip
 MADE = (
     "data/rigid/dataset.json", "data/soil/dataset.json", "artifacts/m113-rigid.safetensors",
-    "artifacts/m113-soil.safetensors", "policies/m113-rigid.safetensors", "policies/m113-soil.safetensors",
+    "artifacts/m113-soil.safetensors",
 )  # fmt: skip
 
 
 def _demo(call: Any, folder: Path) -> str:
-    # Untrained policies would use the whole time limit.
+    # Whole drives are those of the full demonstration.
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("grouser.cli.demo.quick_config", lambda seed: replace(quick_config(seed), time_limit=1.0))
         return str(call("demo", "--quick", "--workers", 1, "--output", folder).out)
@@ -55,11 +55,11 @@ def test_rows_hold_what_was_promised(first: tuple[Path, str]) -> None:
 
 def test_table_and_files(first: tuple[Path, str]) -> None:
     folder, out = first
-    for expected in ("onto-ice", "ppo", "guarded", "m113 rigid", "m113 soil", "R² on unseen runs"):
+    for expected in ("onto-ice", "policy", "guarded", "m113 rigid", "m113 soil", "R² on unseen runs"):
         assert expected in out
     assert str(folder / "report.html") in out
     plots = {file.name for file in folder.glob("*.png")}
-    assert plots == {f"{s}-{c}.png" for s in ("asphalt", "lete-sand", "onto-ice") for c in ("mpc", "ppo")}
+    assert plots == {f"{s}-{c}.png" for s in ("asphalt", "lete-sand", "onto-ice") for c in ("mpc", "policy")}
 
 
 def test_report_needs_no_other_file(first: tuple[Path, str]) -> None:

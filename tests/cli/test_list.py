@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from grouser.controllers import load_policy, shipped_policies
 from grouser.envs import path_names
 from grouser.terrain import Sheet, backend_names, terrain_names, terrain_sheet, vehicle_names, vehicle_sheet
 
@@ -78,6 +79,18 @@ def test_a_file_of_the_users_is_shown_as_a_name_is(call: Any, ground: Path) -> N
 def test_backends_and_paths_are_listed_one_a_line(call: Any) -> None:
     assert call("list", "backends").out.splitlines() == list(backend_names())
     assert call("list", "paths").out.splitlines() == list(path_names())
+
+
+def test_policies_are_listed_with_what_they_were_trained_in(call: Any) -> None:
+    out = call("list", "policies").out
+    for name in shipped_policies():
+        policy = load_policy(name)
+        _, environment, algorithm, vehicle, *trained_on, sealed, steps, _ = row(out, name)
+        assert environment == policy.environment["id"]
+        assert (algorithm, vehicle) == (policy.architecture.algorithm, policy.environment["vehicle"]["name"])
+        assert " ".join(trained_on).startswith(f"native, {policy.environment['arguments']['terrain']}")
+        assert policy.content_hash.startswith(sealed)
+        assert int(steps) == policy.recipe["steps"]
 
 
 def test_verbs_take_files_and_call_rows_after_them(call: Any, ground: Path, short_path: Path, tmp_path: Path) -> None:

@@ -92,6 +92,12 @@ def test_a_policy_drives(call: Any, policy: Path, short_path: Path, tmp_path: Pa
     assert "pass --vehicle" in call("drive", "--backend", "physics", *options, "--vehicle", "marder", code=2).err
 
 
+def test_a_shipped_policy_is_judged_by_its_name(call: Any) -> None:
+    options = ("--episodes", 1, *BRIEF)
+    assert "m113-parking on physics, grouser/Parking-v0" in call("rl", "eval", "m113-parking", *options).out
+    assert "did you mean 'm113-parking'" in call("rl", "eval", "m113-parkin", *options, code=2).err
+
+
 def test_a_policy_is_filmed(call: Any, policy: Path, tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     assert "frames  11" in call("rl", "video", policy, "-o", tmp_path / "drive.mp4", *BRIEF).out

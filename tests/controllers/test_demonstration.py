@@ -9,12 +9,13 @@ from pathlib import Path as FilePath
 from typing import Any
 
 import pytest
+from policies import make_policy
 
 from grouser.controllers import Drive, PathTrackingMPC, PolicyDriver, demonstration, load_policy
 from grouser.controllers.demonstration import DemoConfig, demo_scenarios, run_demonstration
 from grouser.surrogate import Surrogate
 from grouser.surrogate.offline import TrainingConfig
-from grouser.terrain import InvalidInputError, Mode, named
+from grouser.terrain import ConfigurationError, InvalidInputError, Mode, named
 
 MODES: tuple[Mode, ...] = ("rigid", "soil")
 
@@ -30,18 +31,7 @@ def tiny(folder: FilePath, **changes: Any) -> DemoConfig:
         training=TrainingConfig(
             epochs=6, batch_size=256, hidden=(32,), learning_rate=1e-2, learning_rate_decay=0.7, perturbed_copies=1
         ),
-        policy=DemoConfig().policy.changed(
-            {
-                "n_timesteps": 128,
-                "n_envs": 2,
-                "n_steps": 64,
-                "batch_size": 64,
-                "n_epochs": 1,
-                "policy_kwargs.net_arch": [8],
-            }
-        ),
         path=str(path),
-        speed=4.0,
         ice_from=4.0,
     )
     return replace(config, **changes)
@@ -82,17 +72,17 @@ Finished = Callable[[FilePath], tuple[DemoConfig, FilePath]]
 
 
 def made_in(folder: FilePath) -> dict[str, tuple[bytes, int]]:
-    """Contents and time of writing of data, artifacts and policies."""
+    """Contents and time of writing of data and artifacts."""
     return {
         str(file.relative_to(folder)): (file.read_bytes(), file.stat().st_mtime_ns)
-        for kind in ("data", "artifacts", "policies")
+        for kind in ("data", "artifacts")
         for file in sorted((folder / kind).rglob("*"))
         if file.is_file()
     }
 
 
 def rewritten(before: dict[str, tuple[bytes, int]], after: dict[str, tuple[bytes, int]]) -> set[str]:
-    """Names of the artifacts and policies that are not the files of before."""
+    """Names of the artifacts that are not the files of before."""
     return {name for name in after if not name.startswith("data") and before.get(name) != after[name]}
 
 
@@ -115,11 +105,9 @@ def test_a_first_call_makes_everything_and_leaves_nothing_half_done(finished: Fi
     config, folder = finished(tmp_path / "demo")
     for mode in MODES:
         surrogate = Surrogate.load(folder / "artifacts" / f"m113-{mode}.safetensors")
-        policy = load_policy(folder / "policies" / f"m113-{mode}.safetensors")
         assert surrogate.mode == mode
-        assert policy.environment["backend"]["artifact"] == surrogate.content_hash
-        assert policy.environment["settings"]["reference_speed"] == config.speed
-    assert sorted(item.name for item in folder.iterdir()) == ["artifacts", "compare.json", "data", "policies"]
+        assert surrogate.recipe["seed"] == config.seed
+    assert sorted(item.name for item in folder.iterdir()) == ["artifacts", "compare.json", "data"]
     assert not [file for file in folder.rglob(".*")]
 
 
@@ -130,7 +118,7 @@ def test_a_second_call_makes_nothing_again(finished: Finished, tmp_path: FilePat
     run_demonstration(config, folder, workers=1, progress=lambda *words: said.append(words))
     assert made_in(folder) == before
     stages = {stage for stage, _, _ in said}
-    assert {f"{kind}, {mode}" for kind in ("surrogate", "policy") for mode in MODES} <= stages
+    assert {f"surrogate, {mode}" for mode in MODES} <= stages
     for stage in stages:
         *_, (done, total) = [(done, total) for name, done, total in said if name == stage]
         assert done == total
@@ -139,46 +127,42 @@ def test_a_second_call_makes_nothing_again(finished: Finished, tmp_path: FilePat
 def test_damaged_parts_are_made_again_as_they_were(finished: Finished, tmp_path: FilePath) -> None:
     config, folder = finished(tmp_path / "demo")
     before = made_in(folder)
-    for name in ("artifacts/m113-rigid.safetensors", "policies/m113-soil.safetensors"):
-        (folder / name).write_bytes(before[name][0][:-5])
+    name = "artifacts/m113-soil.safetensors"
+    (folder / name).write_bytes(before[name][0][:-5])
     run_demonstration(config, folder, workers=1)
     assert {name: data for name, (data, _) in made_in(folder).items()} == {
         name: data for name, (data, _) in before.items()
     }
 
 
-def test_another_policy_recipe_makes_the_policies_again_and_only_them(finished: Finished, tmp_path: FilePath) -> None:
-    config, folder = finished(tmp_path / "demo")
-    before = made_in(folder)
-    run_demonstration(replace(config, policy=config.policy.changed({"learning_rate": 5e-4})), folder, workers=1)
-    assert rewritten(before, made_in(folder)) == {f"policies/m113-{mode}.safetensors" for mode in MODES}
-
-
-def test_another_training_makes_surrogates_again_and_the_policies_trained_on_them(
-    finished: Finished, tmp_path: FilePath
-) -> None:
+def test_another_training_makes_the_surrogates_again(finished: Finished, tmp_path: FilePath) -> None:
     config, folder = finished(tmp_path / "demo")
     before = made_in(folder)
     run_demonstration(replace(config, training=replace(config.training, epochs=5)), folder, workers=1)
-    assert rewritten(before, made_in(folder)) == {
-        f"{kind}/m113-{mode}.safetensors" for kind in ("artifacts", "policies") for mode in MODES
-    }
+    assert rewritten(before, made_in(folder)) == {f"artifacts/m113-{mode}.safetensors" for mode in MODES}
 
 
-def test_another_speed_makes_the_policies_again(finished: Finished, tmp_path: FilePath) -> None:
-    config, folder = finished(tmp_path / "demo")
-    run_demonstration(replace(config, speed=3.0), folder, workers=1)
-    for mode in MODES:
-        policy = load_policy(folder / "policies" / f"m113-{mode}.safetensors")
-        assert policy.environment["settings"]["reference_speed"] == 3.0
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"policy": "m113-path-traking"}, "did you mean 'm113-path-tracking'"),
+        ({"policy": "m113-parking"}, "trained in grouser/Parking-v0"),
+        ({"vehicle": "ugv"}, "m113-path-tracking drives m113, asked for ugv"),
+        ({"speed": 3.0}, "drives at 5 m/s, asked for 3"),
+    ],
+)
+def test_a_policy_that_does_not_fit_is_refused_before_anything_is_made(
+    tmp_path: FilePath, changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        run_demonstration(tiny(tmp_path, **changes), tmp_path / "demo", workers=1)
+    assert not (tmp_path / "demo").exists()
 
 
-def test_another_path_makes_the_policies_again(finished: Finished, tmp_path: FilePath) -> None:
-    config, folder = finished(tmp_path / "demo")
-    run_demonstration(replace(config, path="straight"), folder, workers=1)
-    for mode in MODES:
-        policy = load_policy(folder / "policies" / f"m113-{mode}.safetensors")
-        assert policy.environment["arguments"]["path"] == "straight"
+def test_a_policy_that_observes_the_terrain_is_refused_since_it_knows_one_mode(tmp_path: FilePath) -> None:
+    file = make_policy(observe_terrain=True, reference_speed=5.0).save(tmp_path / "observant.safetensors")
+    with pytest.raises(ConfigurationError, match="observes the terrain"):
+        run_demonstration(tiny(tmp_path, policy=str(file)), tmp_path / "demo", workers=1)
 
 
 def test_the_seed_is_that_of_everything_that_is_drawn(tmp_path: FilePath) -> None:
@@ -186,19 +170,16 @@ def test_the_seed_is_that_of_everything_that_is_drawn(tmp_path: FilePath) -> Non
     run_demonstration(config, tmp_path / "demo", workers=1)
     for mode in MODES:
         surrogate = Surrogate.load(tmp_path / "demo" / "artifacts" / f"m113-{mode}.safetensors")
-        policy = load_policy(tmp_path / "demo" / "policies" / f"m113-{mode}.safetensors")
         assert surrogate.recipe["seed"] == 3
-        assert policy.recipe["seed"] == 3
 
 
 def test_the_three_drives_are_asphalt_sand_and_asphalt_that_turns_to_ice(
     finished: Finished, tmp_path: FilePath
 ) -> None:
     config, folder = finished(tmp_path / "demo")
-    artifacts, policies = (
-        {mode: folder / kind / f"m113-{mode}.safetensors" for mode in MODES} for kind in ("artifacts", "policies")
-    )
-    asphalt, sand, onto_ice = demo_scenarios(config, artifacts, policies)
+    artifacts = {mode: folder / "artifacts" / f"m113-{mode}.safetensors" for mode in MODES}
+    policy = load_policy(config.policy)
+    asphalt, sand, onto_ice = demo_scenarios(config, artifacts, policy)
     assert [s.name for s in (asphalt, sand, onto_ice)] == ["asphalt", "lete-sand", "onto-ice"]
     assert asphalt.ground == named("asphalt")
     assert sand.ground == named("lete-sand")
@@ -211,4 +192,6 @@ def test_the_three_drives_are_asphalt_sand_and_asphalt_that_turns_to_ice(
         assert set(scenario.backend_options) == {"torch", "native", "guarded"}
         assert {o["artifact"] for o in scenario.backend_options.values()} == {artifacts[scenario.ground.mode]}
         assert isinstance(scenario.drivers["mpc"](), PathTrackingMPC)
-        assert isinstance(scenario.drivers["ppo"](), PolicyDriver)
+        driver = scenario.drivers["policy"]()
+        assert isinstance(driver, PolicyDriver)
+        assert driver.policy is policy

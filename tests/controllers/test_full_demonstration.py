@@ -24,6 +24,14 @@ def test_the_mpc_finishes_every_drive_inside_the_corridor_on_every_backend(made:
         assert row.failed_solves == 0, row
 
 
+def test_the_policy_finishes_inside_the_corridor_on_asphalt_and_sand_on_every_backend(made: Demonstration) -> None:
+    rows = [drive.row for drive in made.drives if drive.row.controller == "policy" and drive.row.scenario != "onto-ice"]
+    assert len(rows) == 8
+    for row in rows:
+        assert row.finished, row
+        assert row.corridor_violation_m == 0.0, row
+
+
 def test_both_surrogates_explain_unseen_runs(made: Demonstration) -> None:
     for name, outputs in made.metrics.items():
         for output, values in outputs.items():
@@ -47,5 +55,5 @@ def test_on_ice_the_guarded_drive_stays_nearer_to_physics_than_the_unguarded(mad
         for drive in made.drives
         if drive.row.scenario == "onto-ice"
     }
-    for controller in ("mpc", "ppo"):
+    for controller in ("mpc", "policy"):
         assert ends[controller, "guarded"] < 0.1 * ends[controller, "native"]

@@ -14,6 +14,7 @@ import gymnasium
 import numpy as np
 import pytest
 from policies import WIDTH, make_policy, random_layers
+from stable_baselines3.common.utils import set_random_seed
 
 from grouser.controllers import Policy, load_policy
 from grouser.controllers.rl import Architecture, EnvironmentSpec, ObservationNormalizer
@@ -119,6 +120,37 @@ def test_the_rebuilt_policy_for_goals_acts_alike(algorithm: str) -> None:
     actions = policy.act(goals())
     np.testing.assert_allclose(actions, expected, atol=1e-5)
     assert policy.action_space.contains(actions[0])
+
+
+@pytest.mark.parametrize("algorithm", ["her-sac", "her-tqc"])
+def test_without_critics_it_acts_alike_to_the_bit_and_its_file_is_smaller(algorithm: str, tmp_path: FilePath) -> None:
+    whole = goal_policy(algorithm)
+    bare = load_policy(whole.without_critics().save(tmp_path / "bare.safetensors"))
+    assert (whole.has_critics, bare.has_critics) == (True, False)
+    assert np.array_equal(bare.act(goals()), whole.act(goals()))
+    assert sum(array.nbytes for array in bare.weights.values()) == 4 * (7 * 8 + 8 + 8 * 8 + 8 + 2 * (8 * 2 + 2))
+    assert bare.recipe == whole.recipe
+
+
+def test_without_critics_the_library_gets_an_actor_and_nothing_to_take_for_a_critic() -> None:
+    whole, seen = goal_policy(), goals()
+    bare = whole.without_critics()
+    actor, policy = bare.to_sb3(), whole.to_sb3()
+    assert not hasattr(actor, "critic")
+    normalized = whole.normalize(seen)
+    for deterministic in (True, False):
+        set_random_seed(4)
+        expected, _ = policy.predict(normalized, deterministic=deterministic)
+        set_random_seed(4)
+        actions, _ = actor.predict(normalized, deterministic=deterministic)
+        assert np.array_equal(actions, expected)
+
+
+def test_a_policy_that_is_one_with_its_critic_stays_whole() -> None:
+    policy = make_policy()
+    assert policy.has_critics
+    with pytest.raises(ConfigurationError, match="one module with its critic"):
+        policy.without_critics()
 
 
 def test_a_policy_predicts_as_a_model_of_the_library_does() -> None:
