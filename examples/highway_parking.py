@@ -7,7 +7,7 @@ import numpy as np
 
 import grouser  # noqa: F401 - registers the ids
 
-GOAL_SCALES = np.array([20.0, 20.0, 5.0, 5.0, 1.0, 1.0])  # m, m/s, 1: see the environment's docstring
+GOAL_SCALES = np.array([5.0, 5.0, 5.0, 5.0, 1.0, 1.0])  # m, m/s, 1: see the environment's docstring
 CONTROL_PERIOD = 0.2
 
 

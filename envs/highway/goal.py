@@ -13,7 +13,7 @@ from ...terrain import FloatArray, InvalidInputError
 #: Parts of a goal, as highway-env's parking-v0 has them: position and velocity in the plane, direction of the heading.
 GOAL_NAMES: Final = ("x", "y", "vx", "vy", "cos_h", "sin_h")
 #: What each part of a goal is measured in: m, m/s, 1.
-GOAL_SCALES: Final = (20.0, 20.0, 5.0, 5.0, 1.0, 1.0)
+GOAL_SCALES: Final = (5.0, 5.0, 5.0, 5.0, 1.0, 1.0)
 _SCALES: Final = np.array(GOAL_SCALES)
 
 

@@ -27,6 +27,7 @@ Observation = dict[str, NDArray[np.float32]]
 Info = Mapping[str, Any]
 
 _POSITION_SCALE: Final = GOAL_SCALES[0]
+_OBSTACLE_SCALE: Final = 20.0
 # At which one manoeuvres in a lot, in m/s.
 _USUAL_SPEED: Final = 4.0
 
@@ -56,10 +57,10 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
 
     | key | index | part | scale |
     |---|---|---|---|
-    | ``achieved_goal``, ``desired_goal`` | 0, 1 | x, y | 20 m |
+    | ``achieved_goal``, ``desired_goal`` | 0, 1 | x, y | 5 m |
     | | 2, 3 | velocity along x, y; 0 where desired | 5 m/s |
     | | 4, 5 | cos, sin of the heading | 1 |
-    | ``observation`` | 0, 1 | x, y | 20 m |
+    | ``observation`` | 0, 1 | x, y | 5 m |
     | | 2, 3 | cos, sin of the heading | 1 |
     | | 4, 5 | Vx, Vy, body frame | ``top_speed`` |
     | | 6 | yaw rate | ``yaw_rate_scale`` |
@@ -292,7 +293,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
         parts = [state.x / _POSITION_SCALE, state.y / _POSITION_SCALE, cosine, sine, *self._motion_parts(state)]
         if config.parked_vehicles:
             parts += nearest_obstacles(
-                self._taken, state.x, state.y, state.heading, count=config.observed_obstacles, scale=_POSITION_SCALE
+                self._taken, state.x, state.y, state.heading, count=config.observed_obstacles, scale=_OBSTACLE_SCALE
             )
         vx, vy = cosine * state.vx - sine * state.vy, sine * state.vx + cosine * state.vy
         return {

@@ -82,7 +82,7 @@ class ParkingConfig(SceneConfig):
     time_limit: float = 30.0
     action_change_weight: float = 0.0
     slip_power_weight: float = 0.0
-    reward_weights: tuple[float, ...] = (1.0, 1.0, 0.1, 0.1, 0.1, 0.1)
+    reward_weights: tuple[float, ...] = (0.25, 0.25, 0.1, 0.1, 0.1, 0.1)
     reward_exponent: float = 0.5
     position_tolerance: float = 0.5
     heading_tolerance: float = math.radians(10.0)

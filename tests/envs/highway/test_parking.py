@@ -99,7 +99,7 @@ class TestEpisodes:
             yours, _ = theirs.reset(seed=seed)
             assert mine["achieved_goal"][4:] == pytest.approx(yours["achieved_goal"][4:], abs=1e-6)
             for goal in ("achieved_goal", "desired_goal"):
-                assert 20 * mine[goal][:2] == pytest.approx(100 * yours[goal][:2], abs=1e-4)
+                assert 5 * mine[goal][:2] == pytest.approx(100 * yours[goal][:2], abs=1e-4)
             assert mine["desired_goal"][4:] == pytest.approx(yours["desired_goal"][4:], abs=1e-6)
 
     def test_taken_spots_are_parking_v0s(self, make_parking: MakeParking) -> None:
@@ -143,7 +143,7 @@ class TestEpisodes:
     @pytest.mark.parametrize(("spot", "place"), [(0, (-26.0, 14.0)), (13, (26.0, 14.0)), (20, (-2.0, -14.0))])
     def test_a_spot_can_be_named(self, make_parking: MakeParking, spot: int, place: tuple[float, float]) -> None:
         observation, _ = make_parking().reset(seed=0, options={"spot": spot})
-        assert 20 * observation["desired_goal"][:2] == pytest.approx(place, abs=1e-5)
+        assert 5 * observation["desired_goal"][:2] == pytest.approx(place, abs=1e-5)
         assert observation["desired_goal"][5] == math.copysign(1.0, place[1])
 
     @pytest.mark.parametrize("options", [{"spot": 28}, {"spot": 1.5}, {"heading": math.nan}, {"state": 1}])
@@ -347,7 +347,7 @@ class TestSettings:
 
     def test_starts_spread(self, make_parking: MakeParking) -> None:
         env = make_parking(start_spread=3.0)
-        places = np.array([env.reset(seed=seed)[0]["achieved_goal"][:2] * 20 for seed in range(20)])
+        places = np.array([env.reset(seed=seed)[0]["achieved_goal"][:2] * 5 for seed in range(20)])
         assert np.abs(places).max() <= 3.0
         assert places.std(axis=0).min() > 0.8
 
