@@ -20,6 +20,7 @@ from ...terrain import (
     GrouserError,
     InvalidInputError,
     TrackedVehicle,
+    resolve_vehicle,
     unknown_name,
     write_aside,
 )
@@ -165,7 +166,7 @@ class Policy:
             If the policy would not see there what it was trained to see.
         """
         facts = self.environment
-        vehicle = {"vehicle": TrackedVehicle.from_dict(facts["vehicle"])} if "vehicle" in facts else {}
+        vehicle = {"vehicle": _vehicle_of(facts)} if "vehicle" in facts else {}
         arguments = {**facts["arguments"], **vehicle, **self.recipe.get("eval_env_kwargs", {}), **changes}
         spec = EnvironmentSpec(facts["id"], arguments)
         self.require(spec)
@@ -244,6 +245,16 @@ class Policy:
                 key: np.zeros(part.shape or (0,), np.float32) for key, part in self.observation_space.spaces.items()
             }
         return np.zeros(self.observation_space.shape or (0,), np.float32)
+
+
+def _vehicle_of(facts: Mapping[str, Any]) -> TrackedVehicle:
+    """Return the vehicle of a training: the preset where it is still the same, which knows its hull too."""
+    rebuilt = TrackedVehicle.from_dict(facts["vehicle"])
+    try:
+        preset = resolve_vehicle(facts["arguments"]["vehicle"])
+    except (KeyError, GrouserError):
+        return rebuilt
+    return preset if preset == rebuilt else rebuilt
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

@@ -20,7 +20,7 @@ from grouser.controllers import Policy, load_policy
 from grouser.controllers.rl import Architecture, EnvironmentSpec, ObservationNormalizer
 from grouser.surrogate import Surrogate
 from grouser.surrogate.container import pack, unpack
-from grouser.terrain import ArtifactError, ConfigurationError, InvalidInputError
+from grouser.terrain import ArtifactError, ConfigurationError, InvalidInputError, TrackedVehicle
 
 FORMAT = 1
 
@@ -327,3 +327,8 @@ def test_another_ground_and_backend_are_not_another_task() -> None:
     policy = make_policy()
     spec = EnvironmentSpec("grouser/PathTracking-v0", {"backend": "native", "terrain": "lete-sand", "path": "circle"})
     assert policy.require(spec) is policy
+
+
+def test_a_preset_is_judged_with_its_hull_too(tmp_path: FilePath) -> None:
+    policy = load_policy(make_policy(vehicle="m113").save(tmp_path / "policy.safetensors"))
+    assert policy.environment_spec().arguments["vehicle"].hull_length == TrackedVehicle.preset("m113").hull_length
