@@ -13,11 +13,11 @@ from grouser.controllers import PurePursuit, PurePursuitConfig, SlipParameters, 
 from grouser.envs import PathTrackingEnv
 from grouser.terrain import named
 
-# The slip model is that of the ground, and the search may still weaken the feed-forward of its yaw gain.
-_LOOKAHEAD_TIMES: Final = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.1)
-_PROPORTIONAL: Final = (0.5, 1.0, 2.0, 4.0)
+# The slip model is that of the ground; the search may still weaken what it adds to the turn.
+_LOOKAHEAD_TIMES: Final = (0.5, 0.6, 0.7, 0.8, 0.9, 1.1)
+_PROPORTIONAL: Final = (0.5, 1.0, 2.0)
 _INTEGRAL: Final = (0.0, 0.5)
-_YAW_GAIN_SHARES: Final = (0.9, 1.0, 1.15)
+_YAW_GAIN_SHARES: Final = (1.0, 1.15)
 
 
 @dataclass(frozen=True)
