@@ -17,7 +17,7 @@ PARKING_POLICY: Final = "m113-parking"
 #: What the policy is called in figures and tables.
 LEARNED: Final = "PPO, trained on native"
 # Starts that nothing else is judged on.
-_SEARCH_SEEDS: Final = range(100_000, 100_004)
+_SEARCH_SEEDS: Final = range(100_000, 100_002)
 
 
 def tracking(terrain: str, seeds: Sequence[int], path: str = "iso-3888-1") -> dict[str, Any]:
