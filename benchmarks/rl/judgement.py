@@ -17,7 +17,7 @@ PARKING_POLICY: Final = "m113-parking"
 #: What the policy is called in figures and tables.
 LEARNED: Final = "PPO, trained on native"
 # Starts that nothing else is judged on.
-_SEARCH_SEEDS: Final = range(100_000, 100_002)
+_SEARCH_SEEDS: Final = range(100_000, 100_010)
 
 
 def tracking(terrain: str, seeds: Sequence[int], path: str = "iso-3888-1") -> dict[str, Any]:
@@ -38,7 +38,8 @@ def tracking(terrain: str, seeds: Sequence[int], path: str = "iso-3888-1") -> di
     found = {LEARNED: _figures(drive(task, policy.act, seeds))}
     for name, pursuit in tuned(task, terrain, _SEARCH_SEEDS).items():
         found[name] = _figures(pursue(task, pursuit, seeds)) | {
-            "settings": asdict(pursuit.config) | {"slip": asdict(pursuit.slip)}
+            "settings": {key: value for key, value in asdict(pursuit.config).items() if np.isfinite(value)},
+            "slip": asdict(pursuit.slip),
         }
     environment.close()
     return found

@@ -64,7 +64,7 @@ def test_a_training_goes_on_only_as_it_began(call: Any, run: Path, tmp_path: Pat
     call(*again, "--resume")
     assert (run / "policy.safetensors").read_bytes() == before
     assert "resume it, or choose another folder" in call(*again, code=2).err
-    assert "gamma 0.95 there, 0.9 asked" in call(*again, "--resume", "-p", "gamma=0.9", code=2).err
+    assert "gamma 0.9 there, 0.8 asked" in call(*again, "--resume", "-p", "gamma=0.8", code=2).err
 
 
 def test_evaluation_repeats_itself_and_writes_a_row_a_seed(
