@@ -39,14 +39,15 @@ def tracking_figure(drivers: Mapping[str, Any], curve: Sequence[Mapping[str, Any
     axes[0].set(
         xlabel="million steps on native", ylabel="cross-track RMSE on physics (m)", ylim=(0, None), title="learning"
     )
-    for axis, key, label in (
-        (axes[1], "cross_track_rmse_of_seeds", "cross-track RMSE (m)"),
-        (axes[2], "return_of_seeds", "return"),
+    # A start that is lost would flatten all others.
+    for axis, key, label, shown in (
+        (axes[1], "cross_track_rmse_of_seeds", "cross-track RMSE (m)", (0.0, 0.07)),
+        (axes[2], "return_of_seeds", "return", (290.0, 292.5)),
     ):
         for (name, entry), color in zip(drivers.items(), _COLORS, strict=True):
             values = np.sort(np.array(entry[key]))
             axis.step(values, np.arange(1, len(values) + 1) / len(values), where="post", color=color, label=name)
-        axis.set(xlabel=label, ylabel="share of starts below", ylim=(0, 1), title=f"{label} of each start")
+        axis.set(xlabel=label, ylabel="share of starts below", xlim=shown, ylim=(0, 1), title=f"{label} of each start")
     axes[1].legend(fontsize=7, loc="lower right")
     for axis in axes:
         axis.grid(alpha=0.3)
