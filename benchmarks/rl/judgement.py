@@ -30,11 +30,11 @@ def tracking(terrain: str, seeds: Sequence[int], path: str = "iso-3888-1") -> di
     seeds : sequence of int
         Of the starts.
     """
-    environment = load_policy(TRACKING_POLICY).environment_spec(backend="physics", terrain=terrain, path=path).make()
+    policy = load_policy(TRACKING_POLICY)
+    environment = policy.environment_spec(backend="physics", terrain=terrain, path=path).make()
     task: Any = environment.unwrapped
     if not isinstance(task, PathTrackingEnv):
         raise TypeError(f"{TRACKING_POLICY} is not of path tracking")
-    policy = load_policy(TRACKING_POLICY)
     found = {LEARNED: _figures(drive(task, policy.act, seeds))}
     for name, pursuit in tuned(task, terrain, _SEARCH_SEEDS).items():
         found[name] = _figures(pursue(task, pursuit, seeds)) | {
