@@ -1,6 +1,7 @@
 #include "grouser/dense.h"
 
 #include <stddef.h>
+#include <stdint.h>
 #include <string.h>
 
 #include "lanes.h"
@@ -44,82 +45,6 @@ GROUSER_INLINE void affine_vectors(const float *weights, size_t stride, const fl
     lanes_store(out + s / vectors * GROUSER_MAX_WIDTH + s % vectors * GROUSER_FLOATS, even[s] + odd[s]);
 }
 
-/* Inputs that are not zero, even and odd ones apart. */
-typedef struct {
-  int even[GROUSER_MAX_WIDTH / 2 + 1], odd[GROUSER_MAX_WIDTH / 2 + 1], evens, odds;
-} active_inputs;
-
-static void find_active(const float *in, int inputs, active_inputs *active) {
-  int evens = 0, odds = 0;
-  for (int i = 0; i + 1 < inputs; i += 2) {
-    active->even[evens] = i;
-    evens += in[i] != 0;
-    active->odd[odds] = i + 1;
-    odds += in[i + 1] != 0;
-  }
-  if (inputs % 2) {
-    active->even[evens] = inputs - 1;
-    evens += in[inputs - 1] != 0;
-  }
-  active->evens = evens;
-  active->odds = odds;
-}
-
-/* affine_vectors of one row without the inputs that are zero: the same sums to the bit, for half of the weights where
- * half of the units are silent. */
-GROUSER_INLINE void active_vectors(const float *weights, size_t stride, const float *bias, const float *in,
-                                   const active_inputs *active, float *out, const int vectors) {
-  grouser_lanes even[SUMS], odd[SUMS];
-  GROUSER_UNROLL
-  for (int v = 0; v < vectors; v++) {
-    even[v] = lanes_load(bias + v * GROUSER_FLOATS);
-    odd[v] = lanes_of(0.0f);
-  }
-  for (int n = 0; n < active->evens; n++) {
-    const int i = active->even[n];
-    const float *row = weights + (size_t)i * stride;
-    GROUSER_UNROLL
-    for (int v = 0; v < vectors; v++) even[v] = lanes_fma(lanes_of(in[i]), lanes_load(row + v * GROUSER_FLOATS), even[v]);
-  }
-  for (int n = 0; n < active->odds; n++) {
-    const int i = active->odd[n];
-    const float *row = weights + (size_t)i * stride;
-    GROUSER_UNROLL
-    for (int v = 0; v < vectors; v++) odd[v] = lanes_fma(lanes_of(in[i]), lanes_load(row + v * GROUSER_FLOATS), odd[v]);
-  }
-  GROUSER_UNROLL
-  for (int v = 0; v < vectors; v++) lanes_store(out + v * GROUSER_FLOATS, even[v] + odd[v]);
-}
-
-static void affine_active(const float *weights, const float *bias, const float *in, int inputs, float *out,
-                          int outputs) {
-  const int stride = grouser_padded(outputs);
-  active_inputs active;
-  int done = 0;
-  find_active(in, inputs, &active);
-  for (; done + 8 * GROUSER_FLOATS <= stride; done += 8 * GROUSER_FLOATS)
-    active_vectors(weights + done, (size_t)stride, bias + done, in, &active, out + done, 8);
-  for (; done + 4 * GROUSER_FLOATS <= stride; done += 4 * GROUSER_FLOATS)
-    active_vectors(weights + done, (size_t)stride, bias + done, in, &active, out + done, 4);
-  for (; done < stride; done += GROUSER_FLOATS)
-    active_vectors(weights + done, (size_t)stride, bias + done, in, &active, out + done, 1);
-}
-
-GROUSER_INLINE void affine_rows(const float *weights, const float *bias, const float *in, int inputs, float *out,
-                                int outputs, const int rows, const int group) {
-  enum { MOST = SUMS / 2 };
-  const int stride = grouser_padded(outputs), most = MOST / rows;
-  int done = 0;
-  for (; done + most * GROUSER_FLOATS <= stride; done += most * GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, most);
-  for (; done + 4 * GROUSER_FLOATS <= stride && most > 4; done += 4 * GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, most > 4 ? 4 : 1);
-  for (; done + 2 * GROUSER_FLOATS <= stride && most > 2; done += 2 * GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, most > 2 ? 2 : 1);
-  for (; done < stride; done += GROUSER_FLOATS)
-    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, 1);
-}
-
 /* The activation of z, and its derivative. A NaN stays one. */
 GROUSER_INLINE grouser_lanes activated(enum grouser_activation kind, grouser_lanes z, grouser_lanes *slope) {
   const grouser_lanes one = lanes_of(1.0f), zero = lanes_of(0.0f);
@@ -135,6 +60,125 @@ GROUSER_INLINE grouser_lanes activated(enum grouser_activation kind, grouser_lan
   const grouser_lanes t = lanes_tanh(z);
   *slope = one - t * t;
   return t;
+}
+
+/* A bit for each input that is not zero, in words of BITS inputs. */
+enum { BITS = 64 };
+typedef uint64_t active_inputs[(GROUSER_MAX_WIDTH + BITS - 1) / BITS];
+
+static const uint64_t EVEN = 0x5555555555555555u;
+
+/* Takes the lowest bit out of a word that is not zero, and returns its number. */
+GROUSER_INLINE int take_bit(uint64_t *word) {
+#if defined(__GNUC__)
+  const int bit = __builtin_ctzll(*word);
+#else
+  int bit = 0;
+  while (!(*word >> bit & 1)) bit++;
+#endif
+  *word &= *word - 1;
+  return bit;
+}
+
+static void all_active(int count, active_inputs active) {
+  for (int w = 0; w * BITS < count; w++)
+    active[w] = count - w * BITS < BITS ? ((uint64_t)1 << (count - w * BITS)) - 1 : ~(uint64_t)0;
+}
+
+/* Of `count` inputs, padded with anything. */
+static void find_active(const float *in, int count, active_inputs active) {
+  all_active(count, active);
+  for (int w = 0; w * BITS < count; w++) {
+    uint64_t word = 0;
+    for (int n = w * BITS; n < count && n < (w + 1) * BITS; n += GROUSER_FLOATS)
+      word |= (uint64_t)lanes_not_zero(lanes_load(in + n)) << n % BITS;
+    active[w] &= word;
+  }
+}
+
+GROUSER_INLINE void add_row(const float *weights, size_t stride, const float *in, int i, grouser_lanes *sum,
+                            const int vectors) {
+  const float *row = weights + (size_t)i * stride;
+  const grouser_lanes value = lanes_of(in[i]);
+  GROUSER_UNROLL
+  for (int v = 0; v < vectors; v++) sum[v] = lanes_fma(value, lanes_load(row + v * GROUSER_FLOATS), sum[v]);
+}
+
+/* affine_vectors of one row without the inputs that are zero: the same sums to the bit, for half of the weights where
+ * half of the units are silent. */
+GROUSER_INLINE void active_vectors(const float *weights, size_t stride, const float *bias, const float *in, int inputs,
+                                   const active_inputs active, float *out, const int vectors) {
+  grouser_lanes even[SUMS], odd[SUMS];
+  GROUSER_UNROLL
+  for (int v = 0; v < vectors; v++) {
+    even[v] = lanes_load(bias + v * GROUSER_FLOATS);
+    odd[v] = lanes_of(0.0f);
+  }
+  for (int w = 0; w * BITS < inputs; w++) {
+    uint64_t evens = active[w] & EVEN, odds = active[w] & ~EVEN;
+    while (evens && odds) {
+      add_row(weights, stride, in, w * BITS + take_bit(&evens), even, vectors);
+      add_row(weights, stride, in, w * BITS + take_bit(&odds), odd, vectors);
+    }
+    while (evens) add_row(weights, stride, in, w * BITS + take_bit(&evens), even, vectors);
+    while (odds) add_row(weights, stride, in, w * BITS + take_bit(&odds), odd, vectors);
+  }
+  GROUSER_UNROLL
+  for (int v = 0; v < vectors; v++) lanes_store(out + v * GROUSER_FLOATS, even[v] + odd[v]);
+}
+
+GROUSER_INLINE void affine_active(const float *weights, const float *bias, const float *in, int inputs,
+                                  const active_inputs active, float *out, int outputs) {
+  const int stride = grouser_padded(outputs);
+  int done = 0;
+  for (; done + 8 * GROUSER_FLOATS <= stride; done += 8 * GROUSER_FLOATS)
+    active_vectors(weights + done, (size_t)stride, bias + done, in, inputs, active, out + done, 8);
+  for (; done + 4 * GROUSER_FLOATS <= stride; done += 4 * GROUSER_FLOATS)
+    active_vectors(weights + done, (size_t)stride, bias + done, in, inputs, active, out + done, 4);
+  for (; done < stride; done += GROUSER_FLOATS)
+    active_vectors(weights + done, (size_t)stride, bias + done, in, inputs, active, out + done, 1);
+}
+
+/* As many outputs at most are sums along the inputs, in vectors of inputs. */
+enum { FEW = 4, RUNNING = 16 / GROUSER_FLOATS };
+
+/* Outputs of `rows` rows, GROUSER_MAX_WIDTH apart, each from sixteen running sums. The inputs are padded with zeros. */
+GROUSER_INLINE void affine_few(const float *transposed, const float *bias, const float *in, int inputs, float *out,
+                               int outputs, const int rows, const int group) {
+  const int padded = grouser_padded(inputs);
+  for (int r = 0; r < rows; r++) {
+    const float *value = in + r * GROUSER_MAX_WIDTH;
+    for (int o = 0; o < outputs; o++) {
+      const float *weight = transposed + (size_t)o * (size_t)padded;
+      grouser_lanes sum[RUNNING];
+      GROUSER_UNROLL
+      for (int s = 0; s < RUNNING; s++) sum[s] = lanes_of(0.0f);
+      for (int i = 0; i < padded; i += 16)
+        GROUSER_UNROLL
+        for (int s = 0; s < RUNNING; s++)
+          sum[s] = lanes_fma(lanes_load(value + i + s * GROUSER_FLOATS), lanes_load(weight + i + s * GROUSER_FLOATS),
+                             sum[s]);
+      out[r * GROUSER_MAX_WIDTH + o] = lanes_sum(sum) + (r % group == 0 ? bias[o] : 0.0f);
+    }
+  }
+}
+
+/* Whether a layer's outputs are sums along the inputs. Those of the first layer are not padded. */
+static int sums_along(const grouser_dense *net, int layer) { return layer > 0 && net->widths[layer + 1] <= FEW; }
+
+GROUSER_INLINE void affine_rows(const float *weights, const float *bias, const float *in, int inputs, float *out,
+                                int outputs, const int rows, const int group) {
+  enum { MOST = SUMS / 2 };
+  const int stride = grouser_padded(outputs), most = MOST / rows;
+  int done = 0;
+  for (; done + most * GROUSER_FLOATS <= stride; done += most * GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, most);
+  for (; done + 4 * GROUSER_FLOATS <= stride && most > 4; done += 4 * GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, most > 4 ? 4 : 1);
+  for (; done + 2 * GROUSER_FLOATS <= stride && most > 2; done += 2 * GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, most > 2 ? 2 : 1);
+  for (; done < stride; done += GROUSER_FLOATS)
+    affine_vectors(weights + done, (size_t)stride, bias + done, in, inputs, out + done, rows, group, 1);
 }
 
 /* Overwrites z by its activations, in one row or two that do not wait for each other; slopes may be NULL. */
@@ -162,27 +206,70 @@ GROUSER_INLINE void activate_rows(enum grouser_activation kind, float *value, fl
     activate_as(GROUSER_TANH, value, first, second, count, rows);
 }
 
+/* One layer of `rows` rows; of every `group`, the first has the bias. */
+GROUSER_INLINE void affine_layer(const grouser_dense *net, int layer, const float *in, float *out, const int rows,
+                                 const int group) {
+  const int inputs = net->widths[layer], outputs = net->widths[layer + 1];
+  if (sums_along(net, layer))
+    affine_few(net->transposed[layer], net->biases[layer], in, inputs, out, outputs, rows, group);
+  else
+    affine_rows(net->weights[layer], net->biases[layer], in, inputs, out, outputs, rows, group);
+}
+
 GROUSER_INLINE void forward_rows(const grouser_dense *net, const float *inputs, float *outputs,
                                  grouser_slopes *const slopes, const int rows) {
   float buffer[2][2 * GROUSER_MAX_WIDTH];
   const float *value = inputs;
   const int last = net->layers - 1;
   for (int layer = 0; layer < last; layer++) {
-    const int width = net->widths[layer + 1];
     float *next = buffer[layer % 2];
-    if (rows == 1 && layer > 0 && net->activation == GROUSER_RELU)
-      affine_active(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width);
-    else
-      affine_rows(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, rows, 1);
+    affine_layer(net, layer, value, next, rows, 1);
     activate_rows(net->activation, next, slopes ? slopes[0][layer] : NULL, slopes && rows > 1 ? slopes[1][layer] : NULL,
-                  grouser_padded(width), rows);
+                  grouser_padded(net->widths[layer + 1]), rows);
     value = next;
   }
-  affine_rows(net->weights[last], net->biases[last], value, net->widths[last], outputs, net->widths[net->layers], rows, 1);
+  affine_layer(net, last, value, outputs, rows, 1);
+}
+
+/* Overwrites z by its positive part, notes what is active, and writes the slopes unless NULL. */
+GROUSER_INLINE void rectify(float *value, float *slope, int padded, active_inputs active) {
+  for (int w = 0; w * BITS < padded; w++) {
+    uint64_t word = 0;
+    for (int n = w * BITS; n < padded && n < (w + 1) * BITS; n += GROUSER_FLOATS) {
+      grouser_lanes by;
+      const grouser_lanes positive = activated(GROUSER_RELU, lanes_load(value + n), &by);
+      lanes_store(value + n, positive);
+      if (slope) lanes_store(slope + n, by);
+      word |= (uint64_t)lanes_not_zero(positive) << n % BITS;
+    }
+    active[w] = word;
+  }
+}
+
+/* A row of a network whose units are silent below zero. */
+GROUSER_INLINE void forward_active(const grouser_dense *net, const float *inputs, float *outputs,
+                                   grouser_slopes *slopes) {
+  float buffer[2][GROUSER_MAX_WIDTH];
+  active_inputs active;
+  const float *value = inputs;
+  const int last = net->layers - 1;
+  for (int layer = 0; layer <= last; layer++) {
+    const int width = net->widths[layer + 1];
+    float *next = layer == last ? outputs : buffer[layer % 2];
+    if (layer == 0 || sums_along(net, layer))
+      affine_layer(net, layer, value, next, 1, 1);
+    else
+      affine_active(net->weights[layer], net->biases[layer], value, net->widths[layer], active, next, width);
+    if (layer < last) rectify(next, slopes ? (*slopes)[layer] : NULL, grouser_padded(width), active);
+    value = next;
+  }
 }
 
 void grouser_dense_forward(const grouser_dense *net, const float *inputs, float *outputs, grouser_slopes *slopes) {
-  forward_rows(net, inputs, outputs, slopes, 1);
+  if (net->activation == GROUSER_RELU)
+    forward_active(net, inputs, outputs, slopes);
+  else
+    forward_rows(net, inputs, outputs, slopes, 1);
 }
 
 void grouser_dense_forward_pair(const grouser_dense *net, const float *inputs, float *outputs, grouser_slopes *slopes) {
@@ -198,7 +285,7 @@ void grouser_dense_dual(const grouser_dense *net, const float *in, float *out) {
   for (int layer = 0; layer <= last; layer++) {
     const int width = net->widths[layer + 1];
     float *next = layer == last ? out : buffer[layer % 2];
-    affine_rows(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, DUAL_ROWS, DUAL_ROWS);
+    affine_layer(net, layer, value, next, DUAL_ROWS, DUAL_ROWS);
     for (int n = 0; layer < last && n < grouser_padded(width); n += GROUSER_FLOATS) {
       grouser_lanes slope;
       lanes_store(next + n, activated(net->activation, lanes_load(next + n), &slope));
@@ -209,48 +296,4 @@ void grouser_dense_dual(const grouser_dense *net, const float *in, float *out) {
     }
     value = next;
   }
-}
-
-/* The seeds share every load of a weight. */
-GROUSER_INLINE void backward_vectors(const float *weights, size_t stride, const float *from, int inputs, float *to,
-                                     const int vectors) {
-  grouser_lanes sum[GROUSER_SEEDS][4];
-  GROUSER_UNROLL
-  for (int n = 0; n < GROUSER_SEEDS; n++)
-    GROUSER_UNROLL
-    for (int v = 0; v < vectors; v++) sum[n][v] = lanes_of(0.0f);
-  for (int i = 0; i < inputs; i++) {
-    const float *row = weights + (size_t)i * stride;
-    GROUSER_UNROLL
-    for (int v = 0; v < vectors; v++) {
-      const grouser_lanes weight = lanes_load(row + v * GROUSER_FLOATS);
-      GROUSER_UNROLL
-      for (int n = 0; n < GROUSER_SEEDS; n++)
-        sum[n][v] = lanes_fma(lanes_of(from[n * GROUSER_MAX_WIDTH + i]), weight, sum[n][v]);
-    }
-  }
-  GROUSER_UNROLL
-  for (int n = 0; n < GROUSER_SEEDS; n++)
-    GROUSER_UNROLL
-    for (int v = 0; v < vectors; v++) lanes_store(to + n * GROUSER_MAX_WIDTH + v * GROUSER_FLOATS, sum[n][v]);
-}
-
-void grouser_dense_backward(const grouser_dense *net, grouser_slopes slopes,
-                            float rows[GROUSER_SEEDS * GROUSER_MAX_WIDTH]) {
-  float back[GROUSER_SEEDS * GROUSER_MAX_WIDTH];
-  float *from = rows, *to = back;
-  for (int layer = net->layers - 1; layer >= 0; layer--) {
-    const int inputs = net->widths[layer + 1], padded = grouser_padded(net->widths[layer]);
-    int done = 0;
-    for (; done + 4 * GROUSER_FLOATS <= padded; done += 4 * GROUSER_FLOATS)
-      backward_vectors(net->transposed[layer] + done, (size_t)padded, from, inputs, to + done, 4);
-    for (; done < padded; done += GROUSER_FLOATS)
-      backward_vectors(net->transposed[layer] + done, (size_t)padded, from, inputs, to + done, 1);
-    for (int n = 0; layer > 0 && n < GROUSER_SEEDS; n++)
-      for (int i = 0; i < padded; i++) to[n * GROUSER_MAX_WIDTH + i] *= slopes[layer - 1][i];
-    float *const swap = from;
-    from = to;
-    to = swap;
-  }
-  if (from != rows) memcpy(rows, back, sizeof back);
 }

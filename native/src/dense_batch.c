@@ -58,6 +58,31 @@ GROUSER_INLINE void affine_columns(const float *weights, const float *bias, cons
            out + (size_t)o * row + (size_t)c, tall, wide);
 }
 
+/* affine_few of samples side by side. */
+GROUSER_INLINE void few_columns(const float *transposed, const float *bias, const float *in, int inputs, float *out,
+                                int outputs, int columns, int biased) {
+  enum { HALF = 8 };
+  const int padded = grouser_padded(inputs);
+  for (int c = 0; c < columns; c += GROUSER_FLOATS)
+    for (int o = 0; o < outputs; o++) {
+      const float *weight = transposed + (size_t)o * (size_t)padded;
+      grouser_lanes sum[2][HALF];
+      for (int half = 0; half < 2; half++) {
+        GROUSER_UNROLL
+        for (int s = 0; s < HALF; s++) sum[half][s] = lanes_of(0.0f);
+        for (int i = half * HALF; i < inputs; i += 2 * HALF)
+          GROUSER_UNROLL
+          for (int s = 0; s < HALF; s++)
+            if (i + s < inputs)
+              sum[half][s] =
+                  lanes_fma(lanes_load(in + (size_t)(i + s) * (size_t)columns + c), lanes_of(weight[i + s]), sum[half][s]);
+      }
+      for (int width = HALF; width > 0; width /= 2)
+        for (int s = 0; s < width; s++) sum[0][s] += width == HALF ? sum[1][s] : sum[0][s + width];
+      lanes_store(out + (size_t)o * (size_t)columns + c, sum[0][0] + lanes_of(c < biased ? bias[o] : 0.0f));
+    }
+}
+
 /* The duals of a block are one tile wide where a block is one vector. */
 enum { WIDE = 2, DUAL_WIDE = GROUSER_FLOATS == 16 ? 4 : WIDE };
 
@@ -67,7 +92,9 @@ void grouser_dense_batch(const grouser_dense *net, const float *in, int count, f
   for (int layer = 0; layer <= last; layer++) {
     const int inputs = net->widths[layer], outputs = net->widths[layer + 1];
     float *next = layer == last ? out : scratch + (size_t)(layer % 2) * (size_t)(net->widest * count);
-    if (count % wide == 0)
+    if (sums_along(net, layer))
+      few_columns(net->transposed[layer], net->biases[layer], value, inputs, next, outputs, count, count);
+    else if (count % wide == 0)
       affine_columns(net->weights[layer], net->biases[layer], value, inputs, next, outputs, count, count,
                      SUMS / 2 / WIDE, WIDE);
     else
@@ -95,8 +122,12 @@ void grouser_dense_block(const grouser_dense *net, const float *in, float *out, 
   for (int layer = 0; layer <= last; layer++) {
     const int width = net->widths[layer + 1];
     float *next = layer == last ? out : scratch + (size_t)(layer % 2) * (size_t)(net->widest * GROUSER_DUAL);
-    affine_columns(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, GROUSER_DUAL,
-                   GROUSER_BLOCK, SUMS / 2 / DUAL_WIDE, DUAL_WIDE);
+    if (sums_along(net, layer))
+      few_columns(net->transposed[layer], net->biases[layer], value, net->widths[layer], next, width, GROUSER_DUAL,
+                  GROUSER_BLOCK);
+    else
+      affine_columns(net->weights[layer], net->biases[layer], value, net->widths[layer], next, width, GROUSER_DUAL,
+                     GROUSER_BLOCK, SUMS / 2 / DUAL_WIDE, DUAL_WIDE);
     if (layer < last) {
       if (net->activation == GROUSER_RELU)
         activate_duals(GROUSER_RELU, next, width);

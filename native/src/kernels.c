@@ -7,6 +7,7 @@
 #include "exact_cells.c"
 #include "physics.c"
 #include "dense.c"
+#include "dense_backward.c"
 #include "dense_batch.c"
 #include "mlp.c"
 #include "track_net.c"

@@ -6,7 +6,7 @@ from typing import Final
 
 _PHYSICS: Final = ("src/load.c", "src/soft_cells.c", "src/soft_cells_single.c", "src/physics.c")
 _EXACT: Final = ("src/exact_cells.c",)
-_NETWORK: Final = ("src/dense.c",)
+_NETWORK: Final = ("src/dense.c", "src/dense_backward.c")
 _PLAIN: Final = ("src/mlp.c",)
 _STRUCTURED: Final = ("src/track_net.c",)
 _GUARD: Final = ("src/detector.c", "src/guard.c")

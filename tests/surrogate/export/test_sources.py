@@ -104,7 +104,7 @@ def test_two_exports_fit_into_one_program(exported: Callable[[str], Exported], t
 @structured_rigid
 def test_a_compiler_without_vectors_passes_the_self_test(code: Exported, artifact: str, tmp_path: Path) -> None:
     text = code.source.read_text()
-    assert text.count("#if defined(__GNUC__)\n") == 2
+    assert "#if defined(__GNUC__)\n" in text
     (tmp_path / code.source.name).write_text(text.replace("defined(__GNUC__)", "0"))
     compiled([str(GCC), "-std=c99", *WARNINGS, f"-I{code.folder}", code.folder / "selftest.c", code.source.name,
               "-lm", "-o", "selftest"], tmp_path)  # fmt: skip
