@@ -58,29 +58,63 @@ GROUSER_INLINE void affine_columns(const float *weights, const float *bias, cons
            out + (size_t)o * row + (size_t)c, tall, wide);
 }
 
+/* Half of the running sums of affine_few, of one vector of samples and a few outputs. */
+enum { HALF = 8 };
+typedef grouser_lanes running_sums[FEW][HALF];
+
+GROUSER_INLINE void run_sums(const float *transposed, size_t padded, const float *in, size_t columns, int first,
+                             int inputs, running_sums total, const int outputs) {
+  grouser_lanes sum[FEW][HALF];
+  GROUSER_UNROLL
+  for (int o = 0; o < outputs; o++)
+    GROUSER_UNROLL
+    for (int s = 0; s < HALF; s++) sum[o][s] = lanes_of(0.0f);
+  int i = first;
+  for (; i + HALF <= inputs; i += 2 * HALF)
+    GROUSER_UNROLL
+    for (int s = 0; s < HALF; s++) {
+      const grouser_lanes value = lanes_load(in + (size_t)(i + s) * columns);
+      GROUSER_UNROLL
+      for (int o = 0; o < outputs; o++)
+        sum[o][s] = lanes_fma(value, lanes_of(transposed[(size_t)o * padded + (size_t)(i + s)]), sum[o][s]);
+    }
+  GROUSER_UNROLL
+  for (int o = 0; o < outputs; o++)
+    GROUSER_UNROLL
+    for (int s = 0; s < HALF; s++) total[o][s] = sum[o][s];
+  for (int s = 0; i + s < inputs; s++)
+    for (int o = 0; o < outputs; o++)
+      total[o][s] = lanes_fma(lanes_load(in + (size_t)(i + s) * columns),
+                              lanes_of(transposed[(size_t)o * padded + (size_t)(i + s)]), total[o][s]);
+}
+
+GROUSER_INLINE void few_tile(const float *transposed, size_t padded, const float *bias, int biased, const float *in,
+                             size_t columns, int inputs, float *out, const int outputs) {
+  running_sums low, high;
+  run_sums(transposed, padded, in, columns, 0, inputs, low, outputs);
+  run_sums(transposed, padded, in, columns, HALF, inputs, high, outputs);
+  for (int o = 0; o < outputs; o++) {
+    for (int s = 0; s < HALF; s++) low[o][s] += high[o][s];
+    for (int width = HALF / 2; width > 0; width /= 2)
+      for (int s = 0; s < width; s++) low[o][s] += low[o][s + width];
+    lanes_store(out + (size_t)o * columns, low[o][0] + lanes_of(biased ? bias[o] : 0.0f));
+  }
+}
+
 /* affine_few of samples side by side. */
 GROUSER_INLINE void few_columns(const float *transposed, const float *bias, const float *in, int inputs, float *out,
                                 int outputs, int columns, int biased) {
-  enum { HALF = 8 };
-  const int padded = grouser_padded(inputs);
-  for (int c = 0; c < columns; c += GROUSER_FLOATS)
-    for (int o = 0; o < outputs; o++) {
-      const float *weight = transposed + (size_t)o * (size_t)padded;
-      grouser_lanes sum[2][HALF];
-      for (int half = 0; half < 2; half++) {
-        GROUSER_UNROLL
-        for (int s = 0; s < HALF; s++) sum[half][s] = lanes_of(0.0f);
-        for (int i = half * HALF; i < inputs; i += 2 * HALF)
-          GROUSER_UNROLL
-          for (int s = 0; s < HALF; s++)
-            if (i + s < inputs)
-              sum[half][s] =
-                  lanes_fma(lanes_load(in + (size_t)(i + s) * (size_t)columns + c), lanes_of(weight[i + s]), sum[half][s]);
-      }
-      for (int width = HALF; width > 0; width /= 2)
-        for (int s = 0; s < width; s++) sum[0][s] += width == HALF ? sum[1][s] : sum[0][s + width];
-      lanes_store(out + (size_t)o * (size_t)columns + c, sum[0][0] + lanes_of(c < biased ? bias[o] : 0.0f));
-    }
+  const size_t padded = (size_t)grouser_padded(inputs), row = (size_t)columns;
+  for (int c = 0; c < columns; c += GROUSER_FLOATS) {
+    int o = 0;
+    /* As many as registers hold. */
+    for (; GROUSER_FLOATS == 16 && o + GROUSER_OUTPUTS <= outputs; o += GROUSER_OUTPUTS)
+      few_tile(transposed + (size_t)o * padded, padded, bias + o, c < biased, in + c, row, inputs, out + (size_t)o * row + c,
+               GROUSER_OUTPUTS);
+    for (; o < outputs; o++)
+      few_tile(transposed + (size_t)o * padded, padded, bias + o, c < biased, in + c, row, inputs, out + (size_t)o * row + c,
+               1);
+  }
 }
 
 /* The duals of a block are one tile wide where a block is one vector. */
