@@ -17,6 +17,7 @@ import numpy as np
 
 from ...terrain import ConfigurationError, InvalidInputError, missing_extra, resolve_ground
 from .environment import EnvironmentSpec
+from .episode import drive_episode
 from .policy import Policy
 
 Progress = Callable[[int, int], None]
@@ -150,31 +151,18 @@ def _episodes(policy: Policy, environment: Any, seeds: range, progress: Progress
     from minari.data_collector.episode_buffer import EpisodeBuffer
 
     for index, seed in enumerate(seeds):
-        observation, info = environment.reset(seed=seed)
-        names = tuple(name for name, value in info.items() if isinstance(value, float))
-        observations, infos = [observation], [[info[name] for name in names]]
-        actions: list[Any] = []
-        rewards: list[float] = []
-        terminations: list[bool] = []
-        truncations: list[bool] = []
-        while not (terminations and (terminations[-1] or truncations[-1])):
-            action = policy.act(observation)
-            observation, reward, terminated, truncated, info = environment.step(action)
-            observations.append(observation)
-            infos.append([info[name] for name in names])
-            actions.append(action)
-            rewards.append(float(reward))
-            terminations.append(bool(terminated))
-            truncations.append(bool(truncated))
+        start, *steps = drive_episode(policy, environment, seed)
+        names = tuple(name for name, value in start.info.items() if isinstance(value, float))
+        instants = (start, *steps)
         yield EpisodeBuffer(
             id=index,
             seed=seed,
-            observations=_stacked(observations),
-            actions=np.array(actions),
-            rewards=rewards,
-            terminations=terminations,
-            truncations=truncations,
-            infos={name: [told[place] for told in infos] for place, name in enumerate(names)},
+            observations=_stacked([instant.observation for instant in instants]),
+            actions=np.array([step.action for step in steps]),
+            rewards=[step.reward for step in steps],
+            terminations=[step.terminated for step in steps],
+            truncations=[step.truncated for step in steps],
+            infos={name: [instant.info[name] for instant in instants] for name in names},
         )
         if progress is not None:
             progress(index + 1, len(seeds))
