@@ -18,7 +18,15 @@ from ...envs.sb3 import make_sb3_vec_env
 from ...envs.tracked_env import TrackedVehicleEnv
 from ...envs.vector import TrackedVehicleVectorEnv
 from ...envs.wrappers import ActionDelay, ObservationNoise
-from ...terrain import ConfigurationError, InvalidInputError, TrackedVehicle, missing_extra, unknown_name
+from ...terrain import (
+    ConfigurationError,
+    GrouserError,
+    InvalidInputError,
+    TrackedVehicle,
+    missing_extra,
+    resolve_vehicle,
+    unknown_name,
+)
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
@@ -233,6 +241,22 @@ def require_same_task(trained: Mapping[str, Any], facts: Mapping[str, Any]) -> N
         raise ConfigurationError(
             f"the policy observes the terrain and was trained on another mode than {facts['mode']}: {trained['mode']}"
         )
+
+
+def trained_vehicle(facts: Mapping[str, Any]) -> TrackedVehicle:
+    """Return the vehicle of a training: the preset where it is still the same, which knows its hull too.
+
+    Parameters
+    ----------
+    facts : mapping
+        :meth:`EnvironmentSpec.facts` of the training.
+    """
+    rebuilt = TrackedVehicle.from_dict(facts["vehicle"])
+    try:
+        preset = resolve_vehicle(facts["arguments"]["vehicle"])
+    except (KeyError, GrouserError):
+        return rebuilt
+    return preset if preset == rebuilt else rebuilt
 
 
 def _has_vector_class(id: str) -> bool:
