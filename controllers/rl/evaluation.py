@@ -11,6 +11,7 @@ import gymnasium
 import numpy as np
 
 from ...terrain import FloatArray, InvalidInputError
+from ...terrain.parameters import require_whole
 from .environment import EnvironmentSpec
 from .episode import Agent, drive_episode
 
@@ -155,9 +156,8 @@ def evaluate(
     InvalidInputError
         If there is no episode, or the policy's observations or actions are others.
     """
-    for name, value in (("episodes", episodes), ("threads", threads)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            raise InvalidInputError(f"{name} must be a whole number of at least 1, got {value!r}")
+    require_whole("episodes", episodes, 1)
+    require_whole("threads", threads, 1)
     seeds = range(seed, seed + episodes)
     blocks = [seeds[start : start + _BLOCK] for start in range(0, episodes, _BLOCK)]
     found: list[EpisodeResult] = []

@@ -9,6 +9,7 @@ from pathlib import Path as FilePath
 from typing import Any, Final
 
 from ...terrain import ConfigurationError, InvalidInputError, unknown_name
+from ...terrain.parameters import require_whole
 from .algorithms import Algorithm, Architecture, algorithm_named
 from .curriculum import Stage, read_stages
 from .environment import environment_id, short_name
@@ -76,7 +77,7 @@ class Recipe:
         kind = algorithm_named(self.algorithm)
         object.__setattr__(self, "environment", environment_id(self.environment))
         for name in ("n_timesteps", "n_envs"):
-            _require_whole(name, getattr(self, name))
+            require_whole(name, getattr(self, name), 1)
         for name in ("env_kwargs", "eval_env_kwargs", "policy_kwargs", "hyperparameters"):
             _require_mapping(name, getattr(self, name))
         if not isinstance(self.normalize, bool):
@@ -123,7 +124,7 @@ class Recipe:
         if not isinstance(widths, Sequence) or isinstance(widths, str):
             raise InvalidInputError(f"net_arch must be a list of widths such as [64, 64], got {widths!r}")
         for width in widths:
-            _require_whole("every width of net_arch", width)
+            require_whole("every width of net_arch", width, 1)
         return Architecture(self.algorithm, tuple(widths), options.pop("activation", "tanh"), options)
 
     def arguments(self) -> dict[str, Any]:
@@ -226,11 +227,6 @@ def _parse(text: str, source: str) -> Recipe:
         return Recipe.from_mapping(content)
     except (ConfigurationError, InvalidInputError) as error:
         raise type(error)(f"{source}: {error}") from error
-
-
-def _require_whole(name: str, value: Any) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise InvalidInputError(f"{name} must be a positive whole number, got {value!r}")
 
 
 def _require_mapping(name: str, value: Any) -> Mapping[str, Any]:

@@ -16,6 +16,7 @@ import gymnasium
 import numpy as np
 
 from ...terrain import ConfigurationError, InvalidInputError, missing_extra, resolve_ground
+from ...terrain.parameters import require_whole
 from .environment import EnvironmentSpec
 from .episode import drive_episode
 from .policy import Policy
@@ -72,8 +73,7 @@ def record_dataset(
     InvalidInputError
         If the name is not one of Minari's, or there is no episode.
     """
-    if isinstance(episodes, bool) or not isinstance(episodes, int) or episodes < 1:
-        raise InvalidInputError(f"episodes must be a whole number of at least 1, got {episodes!r}")
+    require_whole("episodes", episodes, 1)
     try:
         import minari
         import pyarrow  # noqa: F401 - Minari misses it only when it writes

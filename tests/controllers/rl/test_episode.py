@@ -16,7 +16,7 @@ from grouser.controllers.rl.evaluation import judge_episode
 class Countdown(gymnasium.Env[int, Any]):
     """Counts down from the seed; the observation is what is left, the reward the action."""
 
-    observation_space = gymnasium.spaces.Discrete(10)
+    observation_space: Any = gymnasium.spaces.Discrete(10)
     action_space = gymnasium.spaces.Box(-10.0, 10.0, (1,))
 
     def __init__(self, *, truncate: bool = False) -> None:
