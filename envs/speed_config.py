@@ -44,8 +44,8 @@ class SpeedConfig(RandomizedTaskConfig):
     effort : float
         Share of what ground, drive and belts allow that a drawn profile asks for, in (0, 1].
     speed_tolerance, yaw_rate_tolerance : float
-        Errors that earn half of the full reward, in m/s and rad/s; by default 5 % of the training speed, and of the
-        yaw rate that it gives at one tread's radius.
+        Errors that earn half of the full reward, in m/s and rad/s; by default 5 % of the training speed, and a tenth
+        of ``yaw_rate_scale``.
     speed_weight, yaw_rate_weight : float
         Weights of the reward's terms.
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from ...envs import path_names
-from ...terrain import InvalidInputError, resolve_ground, terrain_names, vehicle_names
-from .._drivers import artifact_options
+from ...terrain import InvalidInputError, terrain_names, vehicle_names
+from .._drivers import takes_artifact
 from .._options import starting_with
 
 if TYPE_CHECKING:
@@ -134,12 +134,13 @@ def environment_arguments(
     **named
         Vehicle, terrain and path; None where one was not typed.
     """
+    from ...surrogate import Surrogate
+
     arguments: dict[str, Any] = {name: value for name, value in named.items() if value is not None}
     if backend is not None:
         arguments["backend"] = backend
         if artifact is not None:
-            mode = resolve_ground(named.get("terrain") or "asphalt").mode
-            arguments["backend_options"] = artifact_options(backend, [artifact], mode)
+            arguments["backend_options"] = {"artifact": Surrogate.load(artifact)} if takes_artifact(backend) else {}
     return arguments | read_pairs(settings, "-e")
 
 
@@ -152,5 +153,4 @@ def judged_where(
     path: str | None,
 ) -> EnvironmentSpec:
     """Return where a policy is judged: its own environment, with what was typed."""
-    ground = terrain or policy.environment["arguments"].get("terrain")
-    return policy.environment_spec(**environment_arguments(backend, artifact, settings, terrain=ground, path=path))
+    return policy.environment_spec(**environment_arguments(backend, artifact, settings, terrain=terrain, path=path))

@@ -70,7 +70,7 @@ def train(
 
     chosen = chosen_recipe(algorithm, environment, recipe, param, n_timesteps=steps, n_envs=envs)
     tenth = max(1, chosen.n_timesteps // 10)
-    judged = {} if eval_backend is None else environment_arguments(eval_backend, artifact, terrain=terrain)
+    judged = {} if eval_backend is None else environment_arguments(eval_backend, artifact)
     if eval_backend is not None:
         judged.setdefault("backend_options", None)
     plan = TrainingPlan(
