@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, field, replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any, Final
@@ -188,30 +189,33 @@ class EnvironmentSpec:
         InvalidInputError
             If JSON cannot hold an argument.
         """
-        environment = self.make()
-        inner: Any = environment.unwrapped
-        parameters = signature(type(inner).__init__).parameters
-        arguments = {name: parameters[name].default for name in _DEFAULTED if name in parameters}
-        arguments |= {key: value for key, value in self.arguments.items() if key != "backend_options"}
-        vehicle = arguments.get("vehicle")
-        if isinstance(vehicle, TrackedVehicle):
-            arguments["vehicle"] = vehicle.name
-        facts: dict[str, Any] = {"id": self.id, "arguments": arguments}
-        if self.id.startswith(_NAMESPACE):
-            backend = inner.simulator.backend if isinstance(inner, TrackedVehicleEnv) else inner.backend
-            facts |= {
-                "settings": asdict(inner.config),
-                "vehicle": inner.vehicle.to_dict(),
-                "mode": backend.mode,
-                "backend": backend.describe(),
-            }
-        environment.close()
+        with closing(self.make()) as environment:
+            facts = _facts_of(self, environment.unwrapped)
         try:
             return dict(json.loads(json.dumps(facts, allow_nan=False)))
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
                 f"arguments of the environment must be names, files and numbers, but for backend_options: {error}"
             ) from error
+
+
+def _facts_of(spec: EnvironmentSpec, inner: Any) -> dict[str, Any]:
+    parameters = signature(type(inner).__init__).parameters
+    arguments = {name: parameters[name].default for name in _DEFAULTED if name in parameters}
+    arguments |= {key: value for key, value in spec.arguments.items() if key != "backend_options"}
+    vehicle = arguments.get("vehicle")
+    if isinstance(vehicle, TrackedVehicle):
+        arguments["vehicle"] = vehicle.name
+    facts: dict[str, Any] = {"id": spec.id, "arguments": arguments}
+    if spec.id.startswith(_NAMESPACE):
+        backend = inner.simulator.backend if isinstance(inner, TrackedVehicleEnv) else inner.backend
+        facts |= {
+            "settings": asdict(inner.config),
+            "vehicle": inner.vehicle.to_dict(),
+            "mode": backend.mode,
+            "backend": backend.describe(),
+        }
+    return facts
 
 
 def require_same_task(trained: Mapping[str, Any], facts: Mapping[str, Any]) -> None:
