@@ -89,13 +89,13 @@ def tune(plan: TrainingPlan, folder: FilePath, *, trials: int, progress: Progres
         load_if_exists=True,
     )
     _claim(study, plan, folder)
-    every = replace(plan, checkpoint_every=0, eval_every=plan.recipe.n_timesteps)
+    judged_at_its_end = replace(plan, checkpoint_every=0, eval_every=plan.recipe.n_timesteps)
 
     def objective(trial: optuna.Trial) -> float:
         overrides = suggest(trial, plan.recipe)
         trial.set_user_attr("overrides", overrides)
         try:
-            result = train_policy(replace(every, recipe=plan.recipe.changed(overrides)))
+            result = train_policy(replace(judged_at_its_end, recipe=plan.recipe.changed(overrides)))
         except (ConfigurationError, InvalidInputError):
             raise
         except ValueError as error:
