@@ -13,7 +13,7 @@ from ._options import Seed, Workers
 from ._tables import drives_table, surrogates_table
 
 if TYPE_CHECKING:
-    from ..controllers.demonstration import DemoConfig
+    from ..controllers.demonstration_config import DemoConfig
 
 
 def demo(
@@ -42,7 +42,7 @@ def demo(
 
 def full_config(seed: int) -> DemoConfig:
     """Return the sizes of the demonstration."""
-    from ..controllers.demonstration import DemoConfig
+    from ..controllers.demonstration_config import DemoConfig
 
     return DemoConfig(seed=seed)
 

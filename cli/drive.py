@@ -49,7 +49,7 @@ def drive(
     The summary holds time, distance from the path, what the guard did where there is one, and the solver's statistics
     where the controller solves. --render shows the drive from above once it is over; --log keeps it for NumPy.
     """
-    from ..controllers.comparison import MAXIMUM_CROSS_TRACK, path_driven_or_lost
+    from ..controllers.scenario import MAXIMUM_CROSS_TRACK, path_driven_or_lost
 
     check_target(render)
     machine = TrackedVehicle.preset(vehicle)
@@ -83,7 +83,8 @@ def drive(
 
 
 def _summary(log: InterfaceLog, path: Path, vehicle: TrackedVehicle, driver: Driver) -> dict[str, str]:
-    from ..controllers.comparison import MAXIMUM_CROSS_TRACK, corridor_violation
+    from ..controllers.drive_measures import corridor_violation
+    from ..controllers.scenario import MAXIMUM_CROSS_TRACK
 
     arc_length, cross_track = path.follow(log.states[:, :2])
     lost = ", then lost" if abs(cross_track[-1]) > MAXIMUM_CROSS_TRACK else ""

@@ -1,6 +1,7 @@
 """Who drives, and what changes when the backend does? Pure pursuit, MPC, policies, and their comparison."""
 
-from .comparison import ComparisonRow, Drive, Scenario, compare, document, without_times
+from .comparison import compare, document, without_times
+from .comparison_row import ComparisonRow, Drive
 from .mpc import PathTrackingMPC, SolveRecord
 from .mpc_config import FAILURE_ACTIONS, SOLVERS, MPCConfig
 from .mpc_problem import Solution, Solver
@@ -18,6 +19,7 @@ from .rl import (
     shipped_policies,
     train_policy,
 )
+from .scenario import Scenario
 from .slip_model import PredictionModel, SlipParameters, identify_slip
 from .speed_profile import SpeedProfile
 

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-import multiprocessing
-from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
-from queue import Empty
 from time import perf_counter
 from typing import Any, Final
 
@@ -18,15 +15,13 @@ import numpy as np
 from ..envs import Driver, Path, make_path
 from ..surrogate import Surrogate
 from ..surrogate.offline.dataset import load_dataset
-from ..surrogate.offline.generate import DataConfig, generate_dataset
+from ..surrogate.offline.generate import generate_dataset
 from ..surrogate.offline.training import EpochReport, train_surrogate
-from ..surrogate.offline.training_config import TrainingConfig
 from ..surrogate.threads import torch_threads
 from ..terrain import (
     ArtifactError,
     ConfigurationError,
     Ground,
-    InvalidInputError,
     Mode,
     Patch,
     Rectangle,
@@ -35,11 +30,15 @@ from ..terrain import (
     paint_field,
     write_json,
 )
-from .comparison import Drive, DriverFactory, Scenario, compare, document
+from .comparison import compare, document
+from .comparison_row import Drive
+from .demonstration_config import DemoConfig
 from .mpc import PathTrackingMPC
 from .mpc_config import MPCConfig
+from .processes import StageProgress, run_in_processes
 from .report import write_report
 from .rl import Policy, PolicyDriver, load_policy
+from .scenario import DriverFactory, Scenario
 from .slip_model import identify_slip
 
 # Of the map of the third scenario, in m: how far it reaches around the path, and its cells. Its border between asphalt
@@ -48,77 +47,6 @@ _MAP_MARGIN: Final = 10.0
 _MAP_SPACING: Final = 0.25
 
 BACKENDS: Final = ("physics", "torch", "native", "guarded")
-
-#: Called with a stage's name, what is done of it, and all of it.
-StageProgress = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True)
-class DemoConfig:
-    """Sizes of the demonstration.
-
-    Parameters
-    ----------
-    vehicle : str
-        Preset name or catalogue file.
-    rigid_ranges, soil_ranges : str
-        Terrain ranges of the two datasets. Ice lies outside the ``paper`` ranges, LETE sand inside the ``wide`` ones.
-    rigid_runs, soil_runs : int
-        Runs of the two datasets.
-    samples_per_run : int
-        Logged ticks a run.
-    training : TrainingConfig
-        Of both surrogates.
-    policy : str
-        That drives on every ground: the name of a shipped one, or a file; of the same vehicle and reference speed.
-    path : str
-        Name of the path or a CSV file.
-    speed : float
-        Reference speed in m/s.
-    ice_from : float
-        x in m from which the third scenario's asphalt is ice.
-    time_limit : float
-        Of a drive, in s.
-    seed : int
-        Of everything that is drawn; takes the place of that of ``training``.
-    """
-
-    vehicle: str = "m113"
-    rigid_ranges: str = "paper"
-    soil_ranges: str = "wide"
-    rigid_runs: int = 480
-    soil_runs: int = 600
-    samples_per_run: int = 300
-    training: TrainingConfig = field(
-        default_factory=lambda: TrainingConfig(epochs=8, batch_size=2048, learning_rate=3e-3, learning_rate_decay=0.85)
-    )
-    policy: str = "m113-path-tracking"
-    path: str = "iso-3888-1"
-    speed: float = 5.0
-    ice_from: float = 40.0
-    time_limit: float = 60.0
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "training", replace(self.training, seed=self.seed))
-        for name in ("rigid_runs", "soil_runs"):
-            if getattr(self, name) < 18:
-                raise InvalidInputError(
-                    f"{name} must be at least 18, three of each maneuver, got {getattr(self, name)}"
-                )
-
-    def data(self, mode: Mode) -> DataConfig:
-        """Return what to generate for a mode."""
-        rigid = mode == "rigid"
-        return DataConfig(
-            mode=mode,
-            vehicle=self.vehicle,
-            ranges=self.rigid_ranges if rigid else self.soil_ranges,
-            runs=self.rigid_runs if rigid else self.soil_runs,
-            samples_per_run=self.samples_per_run,
-            transient=0.5,
-            seed=self.seed,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +109,7 @@ def run_demonstration(
         )
     vehicle = TrackedVehicle.preset(config.vehicle).name
     artifacts = {mode: folder / "artifacts" / f"{vehicle}-{mode}.safetensors" for mode in modes}
-    _in_processes(_train_surrogate, [(config, mode, folder, artifacts[mode]) for mode in modes], workers, tell)
+    run_in_processes(_train_surrogate, [(config, mode, folder, artifacts[mode]) for mode in modes], workers, tell)
 
     scenarios = demo_scenarios(config, artifacts, policy)
     total = sum(len(scenario.drivers) for scenario in scenarios) * len(BACKENDS)
@@ -298,28 +226,3 @@ def _is_surrogate_current(file: FilePath, recipe: Mapping[str, Any], dataset: st
         return False
     wanted = json.loads(json.dumps(recipe))
     return made.dataset_hash == dataset and all(made.recipe.get(key) == value for key, value in wanted.items())
-
-
-def _in_processes(
-    job: Callable[..., None], arguments: list[tuple[Any, ...]], workers: int, tell: StageProgress
-) -> None:
-    """Run a job once for each set of arguments, in as many processes as there are workers, and pass on its progress."""
-    if workers == 1:
-        for given in arguments:
-            job(tell, *given)
-        return
-    context = multiprocessing.get_context("spawn")
-    with context.Manager() as manager, ProcessPoolExecutor(workers, mp_context=context) as pool:
-        queue = manager.Queue()
-        futures = [pool.submit(_tell_queue, job, queue, given) for given in arguments]
-        while not (all(future.done() for future in futures) and queue.empty()):
-            try:
-                tell(*queue.get(timeout=0.2))
-            except Empty:
-                continue
-        for future in futures:
-            future.result()
-
-
-def _tell_queue(job: Callable[..., None], queue: Any, arguments: tuple[Any, ...]) -> None:
-    job(lambda stage, done, total: queue.put((stage, done, total)), *arguments)

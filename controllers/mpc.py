@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from ..envs.paths import Path
+from ..envs.path import Path
 from ..envs.state import BeltCommand, VehicleState
 from ..terrain import ConfigurationError, FloatArray, TrackedVehicle, resolve_vehicle
 from ..terrain.parameters import require_in

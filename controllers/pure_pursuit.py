@@ -7,7 +7,7 @@ import os
 from dataclasses import dataclass
 from typing import Final
 
-from ..envs.paths import Path
+from ..envs.path import Path
 from ..envs.state import BeltCommand, VehicleState
 from ..terrain import TrackedVehicle, resolve_vehicle
 from ..terrain.parameters import require_in

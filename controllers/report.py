@@ -14,7 +14,8 @@ import numpy as np
 
 from ..envs import Path
 from ..terrain import OUTPUT_NAMES, TerrainField, missing_extra, write_aside
-from .comparison import TIME_FIELDS, Drive, Scenario
+from .comparison_row import TIME_FIELDS, Drive
+from .scenario import Scenario
 
 # Okabe-Ito: told apart by the colour-blind, and in grey.
 BACKEND_COLORS: Final = {"physics": "#000000", "torch": "#0072B2", "native": "#E69F00", "guarded": "#009E73"}

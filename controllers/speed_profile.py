@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..envs.paths import Path
+from ..envs.path import Path
 from ..terrain import FloatArray
 from ..terrain.parameters import require_in
 

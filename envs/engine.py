@@ -10,7 +10,6 @@ import numpy as np
 
 from ..native import Detector, Field
 from ..terrain import (
-    MODES,
     CompiledBackend,
     ConfigurationError,
     FloatArray,
@@ -168,6 +167,6 @@ def check_mode(ground: Ground, mode: Mode) -> Ground:
     ConfigurationError
         If it is of the other.
     """
-    if ground.mode not in MODES or ground.mode != mode:
+    if ground.mode != mode:
         raise ConfigurationError(f"the backend is for {mode} ground, got {ground.mode}")
     return ground

@@ -9,9 +9,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ..terrain import FloatArray, Ground, Mode, TrackedVehicle, parameter_ranges
+from ..terrain import FloatArray, Ground, InvalidInputError, Mode, TrackedVehicle, parameter_ranges
 from .driveline import twist_belts
 from .path import Path, Projection
 from .state import BeltCommand, VehicleState
@@ -74,16 +74,35 @@ def path_sight(
     state: VehicleState, foot: Projection, *, vehicle: TrackedVehicle, path: Path, config: TrackingConfig
 ) -> FloatArray:
     """Return what an observation shows of the path, shape (12,): cross-track and heading error, look-ahead points."""
-    ahead = reference_speed(vehicle, config) * np.array(LOOK_AHEAD_TIMES)
+    speed, pose = reference_speed(vehicle, config), (state.x, state.y, state.heading)
+    return look_along(path, pose, foot, speed=speed, width=config.maximum_cross_track)
+
+
+def look_along(
+    path: Path, pose: tuple[float, float, float], foot: Projection, *, speed: float, width: float
+) -> FloatArray:
+    """Return cross-track error, heading error and look-ahead points in the body frame, shape (12,), scaled.
+
+    Parameters
+    ----------
+    path : Path
+        What is looked along.
+    pose : tuple of float
+        x, y in m and heading in rad of the vehicle.
+    foot : Projection
+        The vehicle's on the path.
+    speed : float
+        At which :data:`LOOK_AHEAD_TIMES` are distances, in m/s; the last of them is the scale of the points.
+    width : float
+        Scale of the cross-track error in m.
+    """
+    ahead = speed * np.array(LOOK_AHEAD_TIMES)
     x, y, _, _ = path.sample(foot.arc_length + ahead)
-    cosine, sine = math.cos(state.heading), math.sin(state.heading)
-    dx, dy = x - state.x, y - state.y
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    dx, dy = x - pose[0], y - pose[1]
     points = np.stack([cosine * dx + sine * dy, cosine * dy - sine * dx], axis=1) / ahead[-1]
-    errors = [
-        foot.cross_track / config.maximum_cross_track,
-        math.remainder(state.heading - foot.heading, 2 * math.pi) / math.pi,
-    ]
-    return np.concatenate([errors, points.ravel()])
+    heading_error = math.remainder(pose[2] - foot.heading, 2 * math.pi)
+    return np.concatenate([[foot.cross_track / width, heading_error / math.pi], points.ravel()])
 
 
 def compose_observation(
@@ -136,6 +155,20 @@ def terrain_sight(mode: Mode, theta: FloatArray) -> FloatArray:
     low, high = np.array(ranges.low), np.array(ranges.high)
     scaled: FloatArray = 2 * (theta - low) / (high - low) - 1
     return scaled
+
+
+def check_action(action: ArrayLike) -> FloatArray:
+    """Return an action in float64, shape (2,).
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not two numbers in [-1, 1].
+    """
+    checked = np.asarray(action, dtype=np.float64)
+    if checked.shape != (2,) or not np.all(np.abs(checked) <= 1.0):
+        raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
+    return checked
 
 
 def belt_command(

@@ -19,7 +19,8 @@ from .path import Path, Projection
 from .paths import make_path
 from .state import VehicleState
 from .task import Start, Task
-from .tracking_config import ResetOptions, TrackingConfig, check_reset_options
+from .task_config import check_options
+from .tracking_config import ResetOptions, TrackingConfig
 
 
 @dataclass
@@ -94,7 +95,7 @@ class PathTask(Task[TrackingConfig, PathEpisode]):
 
     def start(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Start[PathEpisode]:
         """Draw a start near the path; ``options`` as in :class:`ResetOptions`."""
-        chosen = check_reset_options(options)
+        chosen = check_options(ResetOptions, options)
         self._check_reach(chosen)
         lateral, heading, share, along = generator.uniform(-1.0, 1.0, size=4)
         lateral = chosen.get("lateral_offset", self.config.lateral_spread * lateral)

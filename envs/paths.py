@@ -13,23 +13,8 @@ import numpy as np
 from ..terrain import FloatArray, TrackedVehicle, unknown_name
 from ..terrain.parameters import require_in
 from .corridor import Corridor, Lane
-from .path import Path, Projection
+from .path import Path
 from .path_file import path_from_csv
-
-__all__ = [
-    "Corridor",
-    "Lane",
-    "Path",
-    "Projection",
-    "circle",
-    "figure_eight",
-    "iso_3888_1",
-    "make_path",
-    "path_from_csv",
-    "path_names",
-    "sine",
-    "straight",
-]
 
 _STEP: Final = 0.1
 

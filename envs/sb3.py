@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..terrain import ConfigurationError, missing_extra
 from .disturbances import Delay, DelayLine, GaussianNoise, Rows
-from .tracked_env import drawn_info
+from .step_info import drawn_info
 from .vector import TrackedVehicleVectorEnv
 
 if TYPE_CHECKING:

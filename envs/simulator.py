@@ -28,6 +28,7 @@ from ..terrain import (
 )
 from ..terrain.parameters import require_in
 from .driveline import advance_belts, check_command
+from .engine import check_mode
 from .footing import GROUND_SAMPLINGS, Footing, GroundSampling, forces_on, sample_ground
 from .state import BeltCommand, VehicleState
 from .tick import INTEGRATORS, BodyStep, Dynamics, Integrator, explicit_step, implicit_step, tolerance
@@ -130,9 +131,7 @@ class Simulator:
         ConfigurationError
             If the mode differs.
         """
-        if ground.mode != self.backend.mode:
-            raise ConfigurationError(f"the backend is for {self.backend.mode} ground, got {ground.mode}")
-        self._ground = ground
+        self._ground = check_mode(ground, self.backend.mode)
 
     def get_state(self) -> VehicleState:
         """Return the whole state: the same state and commands give the same ticks."""

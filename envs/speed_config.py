@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypedDict, cast
+from typing import Any, ClassVar
 
-from ..terrain import Ground, InvalidInputError
+from ..terrain import InvalidInputError
 from ..terrain.parameters import require_in
 from .motion_profile import MotionProfile
-from .state import VehicleState
-from .task_config import RandomizedTaskConfig, build_config, check_options
+from .task_config import RandomizedTaskConfig, StartOptions, build_config
 
 
-class SpeedResetOptions(TypedDict, total=False):
+class SpeedResetOptions(StartOptions, total=False):
     """What ``reset(options=...)`` takes; whatever is not given is drawn.
 
     Attributes
@@ -29,10 +27,8 @@ class SpeedResetOptions(TypedDict, total=False):
         Ground of the episode, of the backend's mode.
     """
 
-    state: VehicleState
     speed: float
     profile: MotionProfile
-    terrain: str | os.PathLike[str] | Ground
 
 
 @dataclass(frozen=True)
@@ -48,8 +44,8 @@ class SpeedConfig(RandomizedTaskConfig):
     effort : float
         Share of what ground, drive and belts allow that a drawn profile asks for, in (0, 1].
     speed_tolerance, yaw_rate_tolerance : float
-        Errors that earn half of the full reward, in m/s and rad/s; by default 5 % of the training speed, and of the
-        yaw rate that it gives at one tread's radius.
+        Errors that earn half of the full reward, in m/s and rad/s; by default 5 % of the training speed, and a tenth
+        of ``yaw_rate_scale``.
     speed_weight, yaw_rate_weight : float
         Weights of the reward's terms.
 
@@ -85,9 +81,7 @@ class SpeedConfig(RandomizedTaskConfig):
         require_in("segment_time", self.segment_time, 0.0, 1e4, low_open=True)
         require_in("ramp_time", self.ramp_time, 0.0, self.segment_time, low_open=True)
         require_in("effort", self.effort, 0.0, 1.0, low_open=True)
-        for name in ("speed_tolerance", "yaw_rate_tolerance"):
-            if getattr(self, name) is not None:
-                require_in(name, getattr(self, name), 0.0, 1e2, low_open=True)
+        self._require_positive("speed_tolerance", "yaw_rate_tolerance")
 
 
 def speed_config(settings: Mapping[str, Any]) -> SpeedConfig:
@@ -99,17 +93,3 @@ def speed_config(settings: Mapping[str, Any]) -> SpeedConfig:
         If a key is unknown, with the nearest one that exists.
     """
     return build_config(SpeedConfig, "SpeedTracking", settings)
-
-
-def check_speed_options(options: Mapping[str, Any]) -> SpeedResetOptions:
-    """Return the options, once every key is seen to be one and every value to be of its kind.
-
-    Raises
-    ------
-    ConfigurationError
-        If a key is unknown, or the terrain's name is.
-    InvalidInputError
-        If a number is not finite or a value is of another kind.
-    """
-    known = SpeedResetOptions.__annotations__
-    return cast(SpeedResetOptions, check_options(options, known, {"profile": MotionProfile}))

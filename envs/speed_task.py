@@ -16,11 +16,11 @@ from ..terrain.parameters import require_in
 from .grip import grip
 from .motion_profile import MotionProfile
 from .observation import LOOK_AHEAD_TIMES
-from .speed_config import SpeedConfig, check_speed_options
+from .speed_config import SpeedConfig, SpeedResetOptions
 from .state import VehicleState
 from .surroundings import Surroundings
 from .task import Start, Task
-from .task_config import changed_config
+from .task_config import changed_config, check_options
 
 # Steepest part of u²(3 − 2u) over its mean slope.
 _STEEPEST: Final = 1.5
@@ -102,7 +102,7 @@ class SpeedTask(Task[SpeedConfig, SpeedEpisode]):
 
     def start(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Start[SpeedEpisode]:
         """Draw a profile and a start on it; ``options`` as in :class:`SpeedResetOptions`."""
-        chosen = check_speed_options(options)
+        chosen = check_options(SpeedResetOptions, options, {"profile": MotionProfile})
         fastest = self.vehicle.maximum_speed
         require_in("reset option speed", chosen.get("speed", 0.0), -fastest, fastest)
         share, heading = generator.uniform(-1.0, 1.0, size=2)

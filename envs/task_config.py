@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, Final, Literal, TypeVar
+from typing import Any, ClassVar, Final, Literal, TypedDict, TypeVar, cast
 
-from ..terrain import ConfigurationError, InvalidInputError, resolve_ground, unknown_name
+from ..terrain import ConfigurationError, Ground, InvalidInputError, resolve_ground, unknown_name
 from ..terrain.parameters import require_in
 from .footing import GROUND_SAMPLINGS, GroundSampling
 from .randomization import Randomization
@@ -90,6 +91,12 @@ class TaskConfig:
         if not isinstance(getattr(self, name), bool):
             raise InvalidInputError(f"{name} must be True or False, got {getattr(self, name)!r}")
 
+    def _require_positive(self, *names: str) -> None:
+        """Check settings in (0, 100] in SI units, or None where the task has a value of its own."""
+        for name in names:
+            if getattr(self, name) is not None:
+                require_in(name, getattr(self, name), 0.0, 1e2, low_open=True)
+
 
 @dataclass(frozen=True)
 class RandomizedTaskConfig(TaskConfig):
@@ -118,8 +125,16 @@ class RandomizedTaskConfig(TaskConfig):
         object.__setattr__(self, "randomize", Randomization.of(self.randomize))
 
 
+class StartOptions(TypedDict, total=False):
+    """What ``reset(options=...)`` takes of every task; each says what they are to it, and adds its own."""
+
+    state: VehicleState
+    terrain: str | os.PathLike[str] | Ground
+
+
 _Config = TypeVar("_Config", bound=TaskConfig)
 _Randomized = TypeVar("_Randomized", bound=RandomizedTaskConfig)
+_Options = TypeVar("_Options", bound=StartOptions)
 
 
 def build_config(kind: type[_Config], task: str, settings: Mapping[str, Any]) -> _Config:
@@ -160,18 +175,18 @@ def changed_config(config: _Randomized, settings: Mapping[str, Any]) -> _Randomi
 
 
 def check_options(
-    options: Mapping[str, Any], known: Mapping[str, Any], kinds: Mapping[str, type] | None = None
-) -> dict[str, Any]:
-    """Return reset options, once every key is seen to be known and every value to be of its kind.
+    kind: type[_Options], options: Mapping[str, Any], classes: Mapping[str, type] | None = None
+) -> _Options:
+    """Return reset options, once every key is seen to be one of a task's and every value to be of its kind.
 
     Parameters
     ----------
+    kind : type
+        The task's options: ``terrain``, ``state``, those in ``classes``, and else finite numbers.
     options : mapping
         As ``reset`` received them.
-    known : mapping
-        Its keys are those that the task takes: ``terrain``, ``state``, those in ``kinds``, and finite numbers else.
-    kinds : mapping, optional
-        Classes of the values of further keys.
+    classes : mapping, optional
+        Of the values of further keys.
 
     Raises
     ------
@@ -180,7 +195,8 @@ def check_options(
     InvalidInputError
         If a number is not finite or a value is of another kind.
     """
-    classes = {"state": VehicleState} | dict(kinds or {})
+    known = kind.__annotations__
+    classes = {"state": VehicleState} | dict(classes or {})
     checked: dict[str, Any] = {}
     for key, value in options.items():
         if key not in known:
@@ -198,4 +214,4 @@ def check_options(
                 checked[key] = math.nan
             if not math.isfinite(checked[key]):
                 raise InvalidInputError(f"the reset option {key} takes a finite number, got {value!r}")
-    return checked
+    return cast(_Options, checked)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final, Generic, Literal
 
 import gymnasium
@@ -14,10 +14,6 @@ from ..terrain import (
     ConfigurationError,
     FloatArray,
     ForceBackend,
-    GuardedBackend,
-    GuardMode,
-    InvalidInputError,
-    Mode,
     OffMapError,
     SimulationDivergedError,
     TrackedVehicle,
@@ -25,13 +21,12 @@ from ..terrain import (
     unknown_name,
 )
 from .batch import Batch
-from .footing import track_forces_on
-from .observation import OBSERVATION_BOUND, Observation, belt_command
-from .rendering import Renderer, RenderMode
+from .observation import OBSERVATION_BOUND, Observation, belt_command, check_action
+from .rendering import RENDER_MODES, Renderer, RenderMode
 from .reward import Outcome, RewardFunction, evaluate_reward, single_view
-from .simulator import Simulator, TickRecord
+from .simulator import Simulator
 from .state import VehicleState
-from .surroundings import drawn_names
+from .step_info import drawn_info, force_info
 from .task import SHARED_TERMS, ConfigT, EpisodeT, Start, Task
 
 ActionSpace = gymnasium.Space[NDArray[np.float32]]
@@ -62,7 +57,7 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as Gymnasium declares it
-        "render_modes": ["rgb_array", "human"],
+        "render_modes": list(RENDER_MODES),
         "render_fps": 10,
     }
 
@@ -78,8 +73,8 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
     ) -> None:
         if engine is not None and engine not in ENGINES:
             raise unknown_name("engine", engine, ENGINES)
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise unknown_name("render mode", render_mode, RENDER_MODES)
         self.task: Final = task
         self.vehicle: Final = task.vehicle
         built = make_backend(backend, mode=task.mode, vehicle=task.vehicle, **(backend_options or {}))
@@ -185,9 +180,7 @@ class TrackedVehicleEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic
         InvalidInputError
             If the action is not two numbers in [-1, 1].
         """
-        checked = np.asarray(action, dtype=np.float64)
-        if checked.shape != (2,) or not np.all(np.abs(checked) <= 1.0):
-            raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
+        checked = check_action(action)
         episode = self._episode
         outcome = self._step_in_batch(checked) if self._in_batch else self._step_in_python(checked, episode)
         if self.render_mode == "human":
@@ -308,29 +301,3 @@ def spaces(task: Task[ConfigT, EpisodeT]) -> tuple[ActionSpace, ObservationSpace
         gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32),
         gymnasium.spaces.Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (task.observation_size,), np.float32),
     )
-
-
-def drawn_info(mode: Mode, drawn: Iterable[float] | None) -> dict[str, Any]:
-    """Return what ``info`` tells of what an episode drew, where anything is randomized."""
-    return {} if drawn is None else {"randomization": dict(zip(drawn_names(mode), drawn, strict=True))}
-
-
-def force_info(backend: ForceBackend, record: TickRecord) -> dict[str, Any]:
-    """Return what ``info`` tells of the last tick's forces, and of the guard where there is one."""
-    info: dict[str, Any] = {"force": record.forces.copy(), "backend": backend.name}
-    if backend.has_track_forces:
-        shear = track_forces_on(record.footing, backend, record.row, rolling=False)
-        info |= {
-            "track_forces": track_forces_on(record.footing, backend, record.row),
-            "sprocket_power": float(record.row[5:7] @ shear[:, 0]),
-        }
-    return info | guard_info(backend, record)
-
-
-def guard_info(backend: ForceBackend, record: TickRecord) -> dict[str, Any]:
-    """Return what ``info`` tells of the guard in the last tick, where there is one."""
-    if not isinstance(backend, GuardedBackend) or record.detection is None:
-        return {}
-    guard = record.state.guard
-    active = backend.primary if guard.mode is GuardMode.PRIMARY else backend.fallback
-    return {"backend": active.name, "ood_score": record.detection.score, "fallback_weight": guard.fallback_weight}

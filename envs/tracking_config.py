@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypedDict, cast
+from typing import Any, ClassVar
 
-from ..terrain import Ground
 from ..terrain.parameters import require_in
-from .state import VehicleState
-from .task_config import RandomizedTaskConfig, build_config, check_options
+from .task_config import RandomizedTaskConfig, StartOptions, build_config
 
 
-class ResetOptions(TypedDict, total=False):
+class ResetOptions(StartOptions, total=False):
     """What ``reset(options=...)`` takes; whatever is not given is drawn.
 
     Attributes
@@ -32,12 +29,10 @@ class ResetOptions(TypedDict, total=False):
         Ground of the episode, of the backend's mode.
     """
 
-    state: VehicleState
     arc_length: float
     lateral_offset: float
     heading_offset: float
     speed: float
-    terrain: str | os.PathLike[str] | Ground
 
 
 @dataclass(frozen=True)
@@ -79,8 +74,7 @@ class TrackingConfig(RandomizedTaskConfig):
         super().__post_init__()
         self._require_flag("random_start")
         require_in("maximum_cross_track", self.maximum_cross_track, 0.0, 1e4, low_open=True)
-        if self.reference_speed is not None:
-            require_in("reference_speed", self.reference_speed, 0.0, 1e2, low_open=True)
+        self._require_positive("reference_speed")
         for name in ("lateral_spread", "heading_spread"):
             require_in(name, getattr(self, name), 0.0, 1.0)
 
@@ -94,16 +88,3 @@ def tracking_config(settings: Mapping[str, Any]) -> TrackingConfig:
         If a key is unknown, with the nearest one that exists.
     """
     return build_config(TrackingConfig, "PathTracking", settings)
-
-
-def check_reset_options(options: Mapping[str, Any]) -> ResetOptions:
-    """Return the options, once every key is seen to be one and every value to be of its kind.
-
-    Raises
-    ------
-    ConfigurationError
-        If a key is unknown, or the terrain's name is.
-    InvalidInputError
-        If a number is not finite or a value is of another kind.
-    """
-    return cast(ResetOptions, check_options(options, ResetOptions.__annotations__))

@@ -17,6 +17,7 @@ from ..terrain import (
     make_backend,
     unknown_name,
 )
+from ..terrain.parameters import require_whole
 from .batch import Batch
 from .engine import compiled_ground, compiled_guard, compiled_kernel
 from .reward import RewardFunction
@@ -45,8 +46,7 @@ def make_batch(
         If there is no sub-environment or no thread.
     """
     for name, value in (("num_envs", num_envs), ("threads", threads)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            raise InvalidInputError(f"{name} must be a whole number of at least 1, got {value!r}")
+        require_whole(name, value, 1)
     built = make_backend(backend, mode=task.mode, vehicle=task.vehicle, **(backend_options or {}))
     try:
         compiled_kernel(built.primary if isinstance(built, GuardedBackend) else built)

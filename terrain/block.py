@@ -15,7 +15,7 @@ import numpy as np
 from .errors import InvalidInputError, unknown_name
 from .interface import FloatArray, Mode, interface
 from .namespace import NUMPY, ArrayNamespace
-from .parameters import require_in
+from .parameters import require_in, require_whole
 from .vehicle import CONTACTS, GRAVITY, Contact, TrackedVehicle, check_contact
 
 #: Share of an element's static load below which cohesion fades with the contact.
@@ -57,9 +57,7 @@ class ShearGrid:
 
     def __post_init__(self) -> None:
         for name in ("along", "across"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 4096:
-                raise InvalidInputError(f"cells {name} must be a whole number in [1, 4096], got {value!r}")
+            require_whole(f"cells {name}", getattr(self, name), 1, 4096)
         if self.contact not in CONTACTS:
             raise unknown_name("contact option", self.contact, CONTACTS)
         if self.path not in SHEAR_PATHS:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .backend import ForceBackend
 from .errors import ConfigurationError, InvalidInputError
 from .interface import FloatArray
-from .parameters import require_in
+from .parameters import require_in, require_whole
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,7 @@ class SwitchingPolicy:
 
     def __post_init__(self) -> None:
         for name in ("entry_votes", "entry_window", "blend_samples"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise InvalidInputError(f"{name} must be a whole number of at least 1, got {value!r}")
+            require_whole(name, getattr(self, name), 1)
         if not self.entry_votes <= self.entry_window:
             raise InvalidInputError(
                 f"entry_votes must lie in [1, entry_window = {self.entry_window}], got {self.entry_votes}"

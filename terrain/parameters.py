@@ -28,6 +28,13 @@ def require_in(name: str, value: float, low: float, high: float, *, low_open: bo
         raise InvalidInputError(f"{name} must lie in {bracket}{low:g}, {high:g}], got {value!r}")
 
 
+def require_whole(name: str, value: int, least: int, most: int | None = None) -> None:
+    """Raise InvalidInputError unless ``value`` is a whole number of at least ``least``, and at most ``most``."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < least or (most is not None and value > most):
+        interval = f"of at least {least}" if most is None else f"in [{least}, {most}]"
+        raise InvalidInputError(f"{name} must be a whole number {interval}, got {value!r}")
+
+
 #: Interval of every parameter, in interface order. A ground needs strength besides: μ > 0, or c and φ not both 0.
 PARAMETER_LIMITS: Final[Mapping[Mode, tuple[tuple[float, float], ...]]] = {
     "rigid": ((0.0, 2.0), (0.0, 1.0), (1e-6, 1.0)),

@@ -11,7 +11,7 @@ import numpy as np
 from .catalogue import shipped_vehicles, vehicle_sheet
 from .errors import GrouserError, InvalidInputError, unknown_name
 from .interface import FloatArray
-from .parameters import require_in
+from .parameters import require_in, require_whole
 
 GRAVITY: Final = 9.81
 
@@ -116,8 +116,7 @@ class TrackedVehicle:
             raise InvalidInputError(
                 f"the CG must lie over the contact length: cg_offset in ({-half:g}, {half:g}), got {self.cg_offset!r}"
             )
-        if isinstance(self.road_wheels, bool) or not isinstance(self.road_wheels, int) or self.road_wheels < 1:
-            raise InvalidInputError(f"road_wheels must be a whole number of at least 1, got {self.road_wheels!r}")
+        require_whole("road_wheels", self.road_wheels, 1)
         if self.patch_length is not None:
             longest = self.contact_length / self.road_wheels
             require_in("patch_length", self.patch_length, 0.0, longest, low_open=True)

@@ -35,7 +35,7 @@ def tracking(terrain: str, seeds: Sequence[int], path: str = "iso-3888-1") -> di
     task: Any = environment.unwrapped
     if not isinstance(task, PathTrackingEnv):
         raise TypeError(f"{TRACKING_POLICY} is not of path tracking")
-    found = {LEARNED: _figures(drive(task, policy.act, seeds))}
+    found = {LEARNED: _figures(drive(task, policy, seeds))}
     for name, pursuit in tuned(task, terrain, _SEARCH_SEEDS).items():
         found[name] = _figures(pursue(task, pursuit, seeds)) | {
             "settings": {key: value for key, value in asdict(pursuit.config).items() if np.isfinite(value)},

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grouser.controllers import PurePursuit, PurePursuitConfig, SlipParameters, identify_slip
+from grouser.controllers.rl import EpisodeResult
+from grouser.controllers.rl.episode import Agent
+from grouser.controllers.rl.evaluation import judge_episode
 from grouser.envs import PathTrackingEnv
 from grouser.terrain import named
 
@@ -53,27 +57,13 @@ class Drives:
     lengths: np.ndarray
 
 
-def drive(environment: PathTrackingEnv, act: Callable[[np.ndarray], np.ndarray], seeds: Sequence[int]) -> Drives:
-    """Drive whole episodes; ``act`` takes the observation."""
-    returns, errors, lengths = [], [], []
-    for seed in seeds:
-        observation, _ = environment.reset(seed=seed)
-        total, squares, ended = 0.0, [], False
-        while not ended:
-            observation, reward, terminated, truncated, info = environment.step(act(observation))
-            total += reward
-            squares.append(info["cross_track_error"] ** 2)
-            ended = terminated or truncated
-        returns.append(total)
-        errors.append(np.sqrt(np.mean(squares)))
-        lengths.append(len(squares))
-    return Drives(np.array(returns), np.array(errors), np.array(lengths))
+def drive(environment: PathTrackingEnv, agent: Agent, seeds: Sequence[int]) -> Drives:
+    """Drive whole episodes."""
+    return _drives([judge_episode(agent, environment, seed) for seed in seeds])
 
 
 def pursue(environment: PathTrackingEnv, pursuit: Pursuit, seeds: Sequence[int]) -> Drives:
     """Drive whole episodes by pure pursuit, at the speed at which progress earns most.
-
-    Its belt speeds are handed over as the environment's actions, so that every driver pays for the same action changes.
 
     Parameters
     ----------
@@ -84,27 +74,37 @@ def pursue(environment: PathTrackingEnv, pursuit: Pursuit, seeds: Sequence[int])
     seeds : sequence of int
         Of the resets.
     """
-    driver = PurePursuit(
-        environment.path, environment.vehicle, environment.reference_speed, slip=pursuit.slip, config=pursuit.config
-    )
-    limit, tread, config = environment.vehicle.training_speed, environment.vehicle.tread, environment.config
-    found: list[Drives] = []
-    for seed in seeds:
-        driver.reset()
+    return _drives([judge_episode(_Pursuer(environment, pursuit), environment, seed) for seed in seeds])
 
-        def act(_: Any) -> np.ndarray:
-            command = driver.command(environment.simulator.get_state())
-            action = np.array([command.left, command.right]) / limit
-            if config.action_mode == "twist":
-                yaw_rate = (command.right - command.left) / tread
-                action = np.array([action.mean(), yaw_rate / config.yaw_rate_scale])
-            return np.clip(action, -1, 1).astype(np.float32)
 
-        found.append(drive(environment, act, [seed]))
+class _Pursuer:
+    """Pure pursuit as an agent of one episode.
+
+    It follows the environment's state, which no observation holds. Its belt speeds are handed over as actions, so that
+    every driver pays for the same action changes.
+    """
+
+    def __init__(self, environment: PathTrackingEnv, pursuit: Pursuit) -> None:
+        self._environment = environment
+        self._driver = PurePursuit(
+            environment.path, environment.vehicle, environment.reference_speed, slip=pursuit.slip, config=pursuit.config
+        )
+
+    def act(self, _: Any) -> NDArray[np.float32]:
+        environment = self._environment
+        command = self._driver.command(environment.simulator.get_state())
+        action = np.array([command.left, command.right]) / environment.vehicle.training_speed
+        if environment.config.action_mode == "twist":
+            yaw_rate = (command.right - command.left) / environment.vehicle.tread
+            action = np.array([action.mean(), yaw_rate / environment.config.yaw_rate_scale])
+        return np.clip(action, -1, 1).astype(np.float32)
+
+
+def _drives(episodes: Sequence[EpisodeResult]) -> Drives:
     return Drives(
-        np.concatenate([each.returns for each in found]),
-        np.concatenate([each.cross_track_rmse for each in found]),
-        np.concatenate([each.lengths for each in found]),
+        np.array([episode.episode_return for episode in episodes]),
+        np.array([episode.measures["cross_track_error_rmse"] for episode in episodes]),
+        np.array([episode.length for episode in episodes]),
     )
 
 

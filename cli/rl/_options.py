@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from ...envs import path_names
-from ...terrain import InvalidInputError, resolve_ground, terrain_names, vehicle_names
-from .._drivers import artifact_options
+from ...terrain import InvalidInputError, terrain_names, vehicle_names
+from .._drivers import takes_artifact
 from .._options import starting_with
 
 if TYPE_CHECKING:
@@ -56,6 +56,13 @@ PathOrFile = Annotated[
     str | None,
     typer.Option("--path", metavar="NAME|FILE.csv", help="Path.", autocompletion=starting_with(path_names)),
 ]
+Steps = Annotated[
+    int | None, typer.Option("--steps", help="Environment steps of a training.", show_default="the recipe's")
+]
+Episodes = Annotated[int, typer.Option("--episodes", min=1, help="Episodes, each of a seed of its own.")]
+EvaluationEpisodes = Annotated[
+    int, typer.Option("--eval-episodes", min=1, help="Episodes that a policy is judged by in a training.")
+]
 Threads = Annotated[int, typer.Option(min=1, help="Threads of compiled environments; results do not depend on it.")]
 
 
@@ -78,8 +85,21 @@ def read_pairs(pairs: Sequence[str] | None, option: str) -> dict[str, Any]:
     return found
 
 
-def chosen_recipe(algorithm: str, environment: str, file: Path | None, overrides: Mapping[str, Any]) -> Recipe:
+def chosen_recipe(
+    algorithm: str, environment: str, file: Path | None, param: Sequence[str] | None, **typed: int | None
+) -> Recipe:
     """Return the recipe of an algorithm and environment, with what was typed in place of what it says.
+
+    Parameters
+    ----------
+    algorithm, environment : str
+        By name.
+    file : Path or None
+        Recipe; the shipped one by default.
+    param : sequence of str or None
+        What ``-p`` got.
+    **typed
+        Keys of a recipe that have options of their own; None where such an option was not typed.
 
     Raises
     ------
@@ -94,18 +114,34 @@ def chosen_recipe(algorithm: str, environment: str, file: Path | None, overrides
         raise InvalidInputError(
             f"{file} is a recipe for {recipe.algorithm} on {recipe.environment}, asked for {algorithm} on {environment}"
         )
-    return recipe.changed(overrides)
+    overrides = {name: value for name, value in typed.items() if value is not None}
+    return recipe.changed(read_pairs(param, "-p") | overrides)
 
 
-def environment_arguments(backend: str | None, artifact: Path | None, **named: str | None) -> dict[str, Any]:
-    """Return the arguments of an environment that were typed."""
+def environment_arguments(
+    backend: str | None, artifact: Path | None, settings: Sequence[str] | None = None, **named: str | None
+) -> dict[str, Any]:
+    """Return the arguments of an environment that were typed.
+
+    Parameters
+    ----------
+    backend : str or None
+        By name.
+    artifact : Path or None
+        Of the backend.
+    settings : sequence of str or None
+        What ``-e`` got; takes the place of what has an option of its own.
+    **named
+        Vehicle, terrain and path; None where one was not typed.
+    """
+    from ...surrogate import Surrogate
+
     arguments: dict[str, Any] = {name: value for name, value in named.items() if value is not None}
     if backend is not None:
         arguments["backend"] = backend
         if artifact is not None:
-            mode = resolve_ground(named.get("terrain") or "asphalt").mode
-            arguments["backend_options"] = artifact_options(backend, [artifact], mode)
-    return arguments
+            arguments["backend_options"] = {"artifact": Surrogate.load(artifact)} if takes_artifact(backend) else {}
+    return arguments | read_pairs(settings, "-e")
 
 
 def judged_where(
@@ -117,6 +153,4 @@ def judged_where(
     path: str | None,
 ) -> EnvironmentSpec:
     """Return where a policy is judged: its own environment, with what was typed."""
-    ground = terrain or policy.environment["arguments"].get("terrain")
-    arguments = environment_arguments(backend, artifact, terrain=ground, path=path)
-    return policy.environment_spec(**arguments, **read_pairs(settings, "-e"))
+    return policy.environment_spec(**environment_arguments(backend, artifact, settings, terrain=terrain, path=path))

@@ -10,7 +10,7 @@ import typer
 from .._console import StageBars, out, print_facts
 from .._options import Artifact, Backend, Seed
 from .._tables import table
-from ._options import PathOrFile, PolicyFile, Settings, Terrain, Threads, judged_where
+from ._options import Episodes, PathOrFile, PolicyFile, Settings, Terrain, Threads, judged_where
 
 if TYPE_CHECKING:
     from ...controllers import Evaluation
@@ -23,7 +23,7 @@ def evaluate(
     backend: Backend = "physics",
     terrain: Terrain = None,
     path: PathOrFile = None,
-    episodes: Annotated[int, typer.Option(min=1, help="Episodes, each of a seed of its own.")] = 100,
+    episodes: Episodes = 100,
     seed: Seed = 0,
     artifact: Artifact = None,
     env_param: Settings = None,

@@ -9,7 +9,7 @@ import typer
 
 from .._console import StageBars, print_facts
 from .._options import Artifact, Backend, Seed
-from ._options import PathOrFile, PolicyFile, Settings, Terrain, judged_where
+from ._options import Episodes, PathOrFile, PolicyFile, Settings, Terrain, judged_where
 
 
 def record(
@@ -18,7 +18,7 @@ def record(
     backend: Backend = "physics",
     terrain: Terrain = None,
     path: PathOrFile = None,
-    episodes: Annotated[int, typer.Option(min=1, help="Episodes, each of a seed of its own.")] = 100,
+    episodes: Episodes = 100,
     seed: Seed = 0,
     artifact: Artifact = None,
     env_param: Settings = None,

@@ -12,16 +12,17 @@ from .._options import Artifact, Backend, Seed
 from ._options import (
     Algorithm,
     Environment,
+    EvaluationEpisodes,
     Overrides,
     PathOrFile,
     RecipeFile,
     Settings,
+    Steps,
     Terrain,
     Threads,
     Vehicle,
     chosen_recipe,
     environment_arguments,
-    read_pairs,
 )
 
 
@@ -37,7 +38,7 @@ def train(
     recipe: RecipeFile = None,
     param: Overrides = None,
     env_param: Settings = None,
-    steps: Annotated[int | None, typer.Option(help="Environment steps in all.", show_default="the recipe's")] = None,
+    steps: Steps = None,
     envs: Annotated[
         int | None, typer.Option(help="Environments that are stepped together.", show_default="the recipe's")
     ] = None,
@@ -49,7 +50,7 @@ def train(
     eval_every: Annotated[
         int | None, typer.Option(min=0, help="Steps between evaluations; 0: none.", show_default="a tenth of all")
     ] = None,
-    eval_episodes: Annotated[int, typer.Option(min=1, help="Episodes of an evaluation.")] = 20,
+    eval_episodes: EvaluationEpisodes = 20,
     checkpoint_every: Annotated[
         int | None, typer.Option(min=0, help="Steps between checkpoints; 0: none.", show_default="a tenth of all")
     ] = None,
@@ -67,16 +68,14 @@ def train(
     """
     from ...controllers import TrainingPlan, train_policy
 
-    typed = {name: value for name, value in (("n_timesteps", steps), ("n_envs", envs)) if value is not None}
-    chosen = chosen_recipe(algorithm, environment, recipe, {**read_pairs(param, "-p"), **typed})
-    arguments = environment_arguments(backend, artifact, vehicle=vehicle, terrain=terrain, path=path)
+    chosen = chosen_recipe(algorithm, environment, recipe, param, n_timesteps=steps, n_envs=envs)
     tenth = max(1, chosen.n_timesteps // 10)
-    judged = {} if eval_backend is None else environment_arguments(eval_backend, artifact, terrain=terrain)
+    judged = {} if eval_backend is None else environment_arguments(eval_backend, artifact)
     if eval_backend is not None:
         judged.setdefault("backend_options", None)
     plan = TrainingPlan(
         chosen,
-        {**arguments, **read_pairs(env_param, "-e")},
+        environment_arguments(backend, artifact, env_param, vehicle=vehicle, terrain=terrain, path=path),
         seed=seed,
         threads=threads,
         checkpoint_every=tenth if checkpoint_every is None else checkpoint_every,

@@ -13,16 +13,17 @@ from .._options import Artifact, Backend, Seed
 from ._options import (
     Algorithm,
     Environment,
+    EvaluationEpisodes,
     Overrides,
     PathOrFile,
     RecipeFile,
     Settings,
+    Steps,
     Terrain,
     Threads,
     Vehicle,
     chosen_recipe,
     environment_arguments,
-    read_pairs,
 )
 
 
@@ -39,10 +40,10 @@ def tune(
     recipe: RecipeFile = None,
     param: Overrides = None,
     env_param: Settings = None,
-    steps: Annotated[int | None, typer.Option(help="Environment steps a trial.", show_default="the recipe's")] = None,
+    steps: Steps = None,
     threads: Threads = 1,
     seed: Seed = 0,
-    eval_episodes: Annotated[int, typer.Option(min=1, help="Episodes that a trial is judged by.")] = 20,
+    eval_episodes: EvaluationEpisodes = 20,
 ) -> None:
     """Search for better hyper-parameters with Optuna; called again, the search goes on.
 
@@ -53,11 +54,12 @@ def tune(
     from ...controllers.rl import tune as search
     from ...terrain import write_json
 
-    typed = {} if steps is None else {"n_timesteps": steps}
-    chosen = chosen_recipe(algorithm, environment, recipe, {**read_pairs(param, "-p"), **typed})
-    arguments = environment_arguments(backend, artifact, vehicle=vehicle, terrain=terrain, path=path)
     plan = TrainingPlan(
-        chosen, {**arguments, **read_pairs(env_param, "-e")}, seed=seed, threads=threads, eval_episodes=eval_episodes
+        chosen_recipe(algorithm, environment, recipe, param, n_timesteps=steps),
+        environment_arguments(backend, artifact, env_param, vehicle=vehicle, terrain=terrain, path=path),
+        seed=seed,
+        threads=threads,
+        eval_episodes=eval_episodes,
     )
     with StageBars() as tell:
         found = search(

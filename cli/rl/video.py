@@ -9,7 +9,7 @@ import typer
 
 from .._console import print_facts
 from .._options import Artifact, Backend, Seed
-from ._options import PathOrFile, PolicyFile, Settings, Terrain, judged_where
+from ._options import Episodes, PathOrFile, PolicyFile, Settings, Terrain, judged_where
 
 
 def video(
@@ -18,7 +18,7 @@ def video(
     backend: Backend = "physics",
     terrain: Terrain = None,
     path: PathOrFile = None,
-    episodes: Annotated[int, typer.Option(min=1, help="Episodes, one after the other.")] = 1,
+    episodes: Episodes = 1,
     seed: Seed = 0,
     artifact: Artifact = None,
     env_param: Settings = None,

@@ -7,7 +7,8 @@ from .evaluation import EpisodeResult, Evaluation, evaluate
 from .normalizer import ObservationNormalizer
 from .plan import TrainingPlan
 from .policy import Policy, load_policy
-from .recipe import Recipe, read_value, recipe_text, shipped_recipes
+from .recipe import Recipe
+from .recipe_file import read_value, recipe_text, shipped_recipes
 from .recording import record_dataset
 from .run_folder import read_curve
 from .shipped import shipped_policies

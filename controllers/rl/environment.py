@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, field, replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any, Final
@@ -18,7 +19,15 @@ from ...envs.sb3 import make_sb3_vec_env
 from ...envs.tracked_env import TrackedVehicleEnv
 from ...envs.vector import TrackedVehicleVectorEnv
 from ...envs.wrappers import ActionDelay, ObservationNoise
-from ...terrain import ConfigurationError, InvalidInputError, TrackedVehicle, missing_extra, unknown_name
+from ...terrain import (
+    ConfigurationError,
+    GrouserError,
+    InvalidInputError,
+    TrackedVehicle,
+    missing_extra,
+    resolve_vehicle,
+    unknown_name,
+)
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
@@ -180,30 +189,33 @@ class EnvironmentSpec:
         InvalidInputError
             If JSON cannot hold an argument.
         """
-        environment = self.make()
-        inner: Any = environment.unwrapped
-        parameters = signature(type(inner).__init__).parameters
-        arguments = {name: parameters[name].default for name in _DEFAULTED if name in parameters}
-        arguments |= {key: value for key, value in self.arguments.items() if key != "backend_options"}
-        vehicle = arguments.get("vehicle")
-        if isinstance(vehicle, TrackedVehicle):
-            arguments["vehicle"] = vehicle.name
-        facts: dict[str, Any] = {"id": self.id, "arguments": arguments}
-        if self.id.startswith(_NAMESPACE):
-            backend = inner.simulator.backend if isinstance(inner, TrackedVehicleEnv) else inner.backend
-            facts |= {
-                "settings": asdict(inner.config),
-                "vehicle": inner.vehicle.to_dict(),
-                "mode": backend.mode,
-                "backend": backend.describe(),
-            }
-        environment.close()
+        with closing(self.make()) as environment:
+            facts = _facts_of(self, environment.unwrapped)
         try:
             return dict(json.loads(json.dumps(facts, allow_nan=False)))
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
                 f"arguments of the environment must be names, files and numbers, but for backend_options: {error}"
             ) from error
+
+
+def _facts_of(spec: EnvironmentSpec, inner: Any) -> dict[str, Any]:
+    parameters = signature(type(inner).__init__).parameters
+    arguments = {name: parameters[name].default for name in _DEFAULTED if name in parameters}
+    arguments |= {key: value for key, value in spec.arguments.items() if key != "backend_options"}
+    vehicle = arguments.get("vehicle")
+    if isinstance(vehicle, TrackedVehicle):
+        arguments["vehicle"] = vehicle.name
+    facts: dict[str, Any] = {"id": spec.id, "arguments": arguments}
+    if spec.id.startswith(_NAMESPACE):
+        backend = inner.simulator.backend if isinstance(inner, TrackedVehicleEnv) else inner.backend
+        facts |= {
+            "settings": asdict(inner.config),
+            "vehicle": inner.vehicle.to_dict(),
+            "mode": backend.mode,
+            "backend": backend.describe(),
+        }
+    return facts
 
 
 def require_same_task(trained: Mapping[str, Any], facts: Mapping[str, Any]) -> None:
@@ -233,6 +245,22 @@ def require_same_task(trained: Mapping[str, Any], facts: Mapping[str, Any]) -> N
         raise ConfigurationError(
             f"the policy observes the terrain and was trained on another mode than {facts['mode']}: {trained['mode']}"
         )
+
+
+def trained_vehicle(facts: Mapping[str, Any]) -> TrackedVehicle:
+    """Return the vehicle of a training: the preset where it is still the same, which knows its hull too.
+
+    Parameters
+    ----------
+    facts : mapping
+        :meth:`EnvironmentSpec.facts` of the training.
+    """
+    rebuilt = TrackedVehicle.from_dict(facts["vehicle"])
+    try:
+        preset = resolve_vehicle(facts["arguments"]["vehicle"])
+    except (KeyError, GrouserError):
+        return rebuilt
+    return preset if preset == rebuilt else rebuilt
 
 
 def _has_vector_class(id: str) -> bool:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
+import gymnasium
 import numpy as np
-from numpy.typing import NDArray
 
-from ...terrain import InvalidInputError
+from ...terrain import FloatArray, InvalidInputError
+from ...terrain.parameters import require_whole
 from .environment import EnvironmentSpec
+from .episode import Agent, drive_episode
 
 #: Episodes that are driven at once.
 _BLOCK: Final = 128
@@ -21,13 +23,6 @@ _BROKEN_OFF: Final = ("diverged", "off_map")
 _ERROR: Final = "_error"
 
 Progress = Callable[[int, int], None]
-
-
-class Agent(Protocol):
-    """What can be judged: anything that acts on observations, of one environment or of many at once."""
-
-    def act(self, observation: Any, /) -> NDArray[np.float32]:
-        """Return the action."""
 
 
 @dataclass(frozen=True)
@@ -161,9 +156,8 @@ def evaluate(
     InvalidInputError
         If there is no episode, or the policy's observations or actions are others.
     """
-    for name, value in (("episodes", episodes), ("threads", threads)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            raise InvalidInputError(f"{name} must be a whole number of at least 1, got {value!r}")
+    require_whole("episodes", episodes, 1)
+    require_whole("threads", threads, 1)
     seeds = range(seed, seed + episodes)
     blocks = [seeds[start : start + _BLOCK] for start in range(0, episodes, _BLOCK)]
     found: list[EpisodeResult] = []
@@ -218,31 +212,46 @@ def _single(policy: Agent, environment: EnvironmentSpec, seeds: range) -> Iterat
     made = environment.make()
     try:
         for seed in seeds:
-            observation, info = made.reset(seed=seed)
-            names = tuple(name for name, value in info.items() if isinstance(value, float))
-            total, length, squares = 0.0, 0, np.zeros(len(names))
-            terminated = truncated = False
-            while not (terminated or truncated):
-                observation, reward, terminated, truncated, info = made.step(policy.act(observation))
-                total += float(reward)
-                length += 1
-                squares += np.array([info[name] for name in names]) ** 2
-            last = np.array([info[name] for name in names])
-            yield EpisodeResult(
-                seed,
-                total,
-                length,
-                next((name for name in _BROKEN_OFF if info.get(name)), _end(terminated)),
-                bool(info["is_success"]) if "is_success" in info else None,
-                _summed(names, squares, last, length),
-            )
+            yield judge_episode(policy, made, seed)
     finally:
         made.close()
 
 
-def _summed(
-    names: tuple[str, ...], squares: NDArray[np.float64], last: NDArray[np.float64], length: int
-) -> dict[str, float]:
+def judge_episode(agent: Agent, environment: gymnasium.Env[Any, Any], seed: int) -> EpisodeResult:
+    """Drive one episode, and return what it came to.
+
+    Parameters
+    ----------
+    agent : Agent
+        That drives; one that needs more than the observation may look into the environment.
+    environment : gymnasium.Env
+        Where it drives.
+    seed : int
+        Of the reset.
+    """
+    instants = drive_episode(agent, environment, seed)
+    last = next(instants)
+    names = tuple(name for name, value in last.info.items() if isinstance(value, float))
+    total, length, squares = 0.0, 0, np.zeros(len(names))
+    for last in instants:
+        total += last.reward
+        length += 1
+        squares += _told(last.info, names) ** 2
+    return EpisodeResult(
+        seed,
+        total,
+        length,
+        next((name for name in _BROKEN_OFF if last.info.get(name)), _end(last.terminated)),
+        bool(last.info["is_success"]) if "is_success" in last.info else None,
+        _summed(names, squares, _told(last.info, names), length),
+    )
+
+
+def _told(info: Mapping[str, Any], names: tuple[str, ...]) -> FloatArray:
+    return np.array([info[name] for name in names])
+
+
+def _summed(names: tuple[str, ...], squares: FloatArray, last: FloatArray, length: int) -> dict[str, float]:
     return {
         f"{name}_rmse" if name.endswith(_ERROR) else name: float(
             math.sqrt(squares[place] / length) if name.endswith(_ERROR) else last[place]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ...terrain import InvalidInputError
+from ...terrain.parameters import require_whole
 from .environment import EnvironmentSpec
 from .recipe import Recipe
 
@@ -54,9 +54,7 @@ class TrainingPlan:
     def __post_init__(self) -> None:
         lowest = {"seed": 0, "threads": 1, "checkpoint_every": 0, "eval_every": 0, "eval_episodes": 1}
         for name, least in lowest.items():
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise InvalidInputError(f"{name} must be a whole number of at least {least}, got {value!r}")
+            require_whole(name, getattr(self, name), least)
 
     @property
     def training(self) -> EnvironmentSpec:

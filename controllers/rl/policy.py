@@ -13,30 +13,26 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from ...surrogate.container import Tensors, content_hash, pack, unpack
+from ...surrogate.container import content_hash, pack, unpack
 from ...terrain import (
     ArtifactError,
     ConfigurationError,
     GrouserError,
     InvalidInputError,
-    TrackedVehicle,
-    resolve_vehicle,
     unknown_name,
     write_aside,
 )
 from .actor import Actor, read_actor
 from .algorithms import Architecture, algorithm_named
-from .environment import EnvironmentSpec, require_same_task
+from .environment import EnvironmentSpec, require_same_task, trained_vehicle
 from .normalizer import ObservationNormalizer
+from .policy_codec import FORMAT_VERSION, decode, encode
 from .shipped import read_shipped, require_shipped, shipped_policies
-from .spaces import describe_space, space_from_json, space_to_json
+from .spaces import describe_space
 
 if TYPE_CHECKING:
     from stable_baselines3.common.policies import BasePolicy
 
-FORMAT_VERSION: Final = 1
-_KIND: Final = "policy"
-_WEIGHTS: Final = "policy."
 # Where algorithms with a replay buffer keep their actor; all else of their policy is critics.
 _ACTOR: Final = "actor."
 
@@ -94,7 +90,7 @@ class Policy:
     @cached_property
     def content_hash(self) -> str:
         """SHA-256 of all that the file holds, in hexadecimal."""
-        return content_hash(self._tensors(), self._metadata())
+        return content_hash(*encode(self))
 
     def normalize(self, observation: Any) -> Any:
         """Return an observation as the network takes it."""
@@ -166,7 +162,7 @@ class Policy:
             If the policy would not see there what it was trained to see.
         """
         facts = self.environment
-        vehicle = {"vehicle": _vehicle_of(facts)} if "vehicle" in facts else {}
+        vehicle = {"vehicle": trained_vehicle(facts)} if "vehicle" in facts else {}
         arguments = {**facts["arguments"], **vehicle, **self.recipe.get("eval_env_kwargs", {}), **changes}
         spec = EnvironmentSpec(facts["id"], arguments)
         self.require(spec)
@@ -221,23 +217,7 @@ class Policy:
 
     def save(self, path: str | os.PathLike[str]) -> FilePath:
         """Write the policy as one sealed ``.safetensors`` file."""
-        return write_aside(FilePath(path), pack(self._tensors(), self._metadata()))
-
-    def _tensors(self) -> Tensors:
-        tensors = {f"{_WEIGHTS}{name}": array for name, array in self.weights.items()}
-        return tensors if self.normalizer is None else tensors | self.normalizer.to_tensors()
-
-    def _metadata(self) -> dict[str, Any]:
-        return {
-            "format_version": FORMAT_VERSION,
-            "kind": _KIND,
-            "architecture": self.architecture.to_json(),
-            "observation_space": space_to_json(self.observation_space),
-            "action_space": space_to_json(self.action_space),
-            "normalizer": None if self.normalizer is None else self.normalizer.to_json(),
-            "environment": dict(self.environment),
-            "recipe": dict(self.recipe),
-        }
+        return write_aside(FilePath(path), pack(*encode(self)))
 
     def _example(self) -> Any:
         if isinstance(self.observation_space, gymnasium.spaces.Dict):
@@ -245,16 +225,6 @@ class Policy:
                 key: np.zeros(part.shape or (0,), np.float32) for key, part in self.observation_space.spaces.items()
             }
         return np.zeros(self.observation_space.shape or (0,), np.float32)
-
-
-def _vehicle_of(facts: Mapping[str, Any]) -> TrackedVehicle:
-    """Return the vehicle of a training: the preset where it is still the same, which knows its hull too."""
-    rebuilt = TrackedVehicle.from_dict(facts["vehicle"])
-    try:
-        preset = resolve_vehicle(facts["arguments"]["vehicle"])
-    except (KeyError, GrouserError):
-        return rebuilt
-    return preset if preset == rebuilt else rebuilt
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -280,7 +250,7 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
     """
     name = str(path)
     if name in shipped_policies():
-        policy = _decode(read_shipped(name), f"shipped {name}")
+        policy = _read(read_shipped(name), f"shipped {name}")
         require_shipped(name, policy.content_hash)
         return policy
     file = FilePath(path)
@@ -290,23 +260,12 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
         data = file.read_bytes()
     except OSError as error:
         raise ArtifactError(f"cannot read policy {name!r}: {error.strerror}") from error
-    return _decode(data, name)
+    return _read(data, name)
 
 
-def _decode(data: bytes, source: str) -> Policy:
+def _read(data: bytes, source: str) -> Policy:
     tensors, metadata = unpack(data, source, FORMAT_VERSION)
     try:
-        if metadata["kind"] != _KIND:
-            raise ArtifactError(f"it is a {metadata['kind']}")
-        statistics = metadata["normalizer"]
-        return Policy(
-            Architecture.from_json(metadata["architecture"]),
-            {name.removeprefix(_WEIGHTS): array for name, array in tensors.items() if name.startswith(_WEIGHTS)},
-            space_from_json(metadata["observation_space"]),
-            space_from_json(metadata["action_space"]),
-            metadata["environment"],
-            None if statistics is None else ObservationNormalizer.from_file(tensors, statistics),
-            metadata["recipe"],
-        )
+        return Policy(**decode(tensors, metadata))
     except (KeyError, TypeError, ValueError, GrouserError) as error:
         raise ArtifactError(f"{source!r} does not hold a policy: {error}") from error

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import os
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
-from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import Any, Final
 
-from ...terrain import ConfigurationError, InvalidInputError, missing_extra, unknown_name
+from ...terrain import ConfigurationError, InvalidInputError, unknown_name
+from ...terrain.parameters import require_whole
 from .algorithms import Algorithm, Architecture, algorithm_named
 from .curriculum import Stage, read_stages
 from .environment import environment_id, short_name
+from .hyperparameters import library_arguments, require_possible
+from .recipe_file import load_yaml, read_number, recipe_text, shipped_recipes
 
-_LINEAR: Final = re.compile(r"lin_(.+)")
-_SCHEDULED: Final = ("learning_rate", "clip_range")
-_POSITIVE: Final = (
-    "learning_rate", "clip_range", "n_steps", "batch_size", "n_epochs", "buffer_size", "max_grad_norm", "tau",
-)  # fmt: skip
-_SHARES: Final = ("gamma", "gae_lambda", "tau")
 _NORMALIZE: Final = ("norm_obs", "norm_reward", "clip_obs", "clip_reward", "gamma", "epsilon")
 
 
@@ -83,7 +77,7 @@ class Recipe:
         kind = algorithm_named(self.algorithm)
         object.__setattr__(self, "environment", environment_id(self.environment))
         for name in ("n_timesteps", "n_envs"):
-            _require_whole(name, getattr(self, name))
+            require_whole(name, getattr(self, name), 1)
         for name in ("env_kwargs", "eval_env_kwargs", "policy_kwargs", "hyperparameters"):
             _require_mapping(name, getattr(self, name))
         if not isinstance(self.normalize, bool):
@@ -95,7 +89,7 @@ class Recipe:
         for name, value in self.hyperparameters.items():
             if name not in known:
                 raise unknown_name(f"hyper-parameter of {self.algorithm}", name, known)
-            _require_possible(name, value)
+            require_possible(name, value)
         _ = self.architecture, self.stages
 
     @property
@@ -130,18 +124,12 @@ class Recipe:
         if not isinstance(widths, Sequence) or isinstance(widths, str):
             raise InvalidInputError(f"net_arch must be a list of widths such as [64, 64], got {widths!r}")
         for width in widths:
-            _require_whole("every width of net_arch", width)
+            require_whole("every width of net_arch", width, 1)
         return Architecture(self.algorithm, tuple(widths), options.pop("activation", "tanh"), options)
 
     def arguments(self) -> dict[str, Any]:
         """Return the algorithm's arguments as stable-baselines3 takes them."""
-        taken = dict(self.hyperparameters)
-        for name in _SCHEDULED:
-            if isinstance(taken.get(name), str):
-                taken[name] = _linear(_schedule_start(name, taken[name]))
-        if isinstance(taken.get("train_freq"), list):
-            taken["train_freq"] = tuple(taken["train_freq"])
-        return taken
+        return library_arguments(self.hyperparameters)
 
     def changed(self, overrides: Mapping[str, Any]) -> Recipe:
         """Return the recipe with other values: ``{"learning_rate": 3e-4, "policy_kwargs.net_arch": [128, 128]}``.
@@ -187,7 +175,7 @@ class Recipe:
         InvalidInputError
             If a value is impossible.
         """
-        content = {str(key): _read_number(value) for key, value in content.items()}
+        content = {str(key): read_number(value) for key, value in content.items()}
         own = {entry.name for entry in fields(cls)} - {"hyperparameters"}
         for name in ("algorithm", "environment", "n_timesteps"):
             if name not in content:
@@ -231,100 +219,14 @@ class Recipe:
         return _parse(recipe_text(wanted), f"{wanted}.yml")
 
 
-def shipped_recipes() -> tuple[str, ...]:
-    """Names of the shipped recipes, algorithm and environment, sorted."""
-    folder = files(__package__) / "recipes"
-    return tuple(sorted(item.name.removesuffix(".yml") for item in folder.iterdir() if item.name.endswith(".yml")))
-
-
-def recipe_text(name: str) -> str:
-    """Return the YAML file of a shipped recipe.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is none of that name.
-    """
-    if name not in shipped_recipes():
-        raise unknown_name("recipe", name, shipped_recipes())
-    return (files(__package__) / "recipes" / f"{name}.yml").read_text(encoding="utf-8")
-
-
-def read_value(text: str) -> Any:
-    """Read a value as a recipe has it: ``3e-4``, ``true``, ``[64, 64]``, ``lin_1e-3``.
-
-    Raises
-    ------
-    ConfigurationError
-        If PyYAML is not installed.
-    InvalidInputError
-        If it is not YAML.
-    """
-    return _read_number(_load_yaml(text, text))
-
-
 def _parse(text: str, source: str) -> Recipe:
-    content = _load_yaml(text, source)
+    content = load_yaml(text, source)
     if not isinstance(content, dict):
         raise InvalidInputError(f"{source}: a recipe is a mapping of keys to values, got {type(content).__name__}")
     try:
         return Recipe.from_mapping(content)
     except (ConfigurationError, InvalidInputError) as error:
         raise type(error)(f"{source}: {error}") from error
-
-
-def _load_yaml(text: str, source: str) -> Any:
-    try:
-        import yaml
-    except ImportError as error:
-        raise missing_extra("pyyaml", "rl") from error
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InvalidInputError(f"{source} is not YAML: {error}") from error
-
-
-def _read_number(value: Any) -> Any:
-    """Read what YAML 1.1 leaves as text, such as 3e-4, as the number that it is."""
-    if isinstance(value, dict):
-        return {str(key): _read_number(part) for key, part in value.items()}
-    if isinstance(value, list):
-        return [_read_number(part) for part in value]
-    if isinstance(value, str) and re.fullmatch(r"[+-]?\d+(\.\d*)?[eE][+-]?\d+", value):
-        return float(value)
-    return value
-
-
-def _linear(start: float) -> Callable[[float], float]:
-    return lambda remaining: start * remaining
-
-
-def _schedule_start(name: str, text: str) -> float:
-    match = _LINEAR.fullmatch(text)
-    try:
-        return float(match[1]) if match else math.nan
-    except ValueError:
-        return math.nan
-
-
-def _require_possible(name: str, value: Any) -> None:
-    if isinstance(value, str) and name in _SCHEDULED:
-        value = _schedule_start(name, value)
-        if math.isnan(value):
-            raise InvalidInputError(f"{name} must be a number, or lin_ and one, such as lin_3e-4")
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        if name in (*_POSITIVE, *_SHARES):
-            raise InvalidInputError(f"{name} must be a number, got {value!r}")
-        return
-    if not math.isfinite(value) or (name in _POSITIVE and value <= 0):
-        raise InvalidInputError(f"{name} must be positive and finite, got {value!r}")
-    if name in _SHARES and not 0 <= value <= 1:
-        raise InvalidInputError(f"{name} must lie in [0, 1], got {value!r}")
-
-
-def _require_whole(name: str, value: Any) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise InvalidInputError(f"{name} must be a positive whole number, got {value!r}")
 
 
 def _require_mapping(name: str, value: Any) -> Mapping[str, Any]:

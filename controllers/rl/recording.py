@@ -16,7 +16,9 @@ import gymnasium
 import numpy as np
 
 from ...terrain import ConfigurationError, InvalidInputError, missing_extra, resolve_ground
+from ...terrain.parameters import require_whole
 from .environment import EnvironmentSpec
+from .episode import drive_episode
 from .policy import Policy
 
 Progress = Callable[[int, int], None]
@@ -71,8 +73,7 @@ def record_dataset(
     InvalidInputError
         If the name is not one of Minari's, or there is no episode.
     """
-    if isinstance(episodes, bool) or not isinstance(episodes, int) or episodes < 1:
-        raise InvalidInputError(f"episodes must be a whole number of at least 1, got {episodes!r}")
+    require_whole("episodes", episodes, 1)
     try:
         import minari
         import pyarrow  # noqa: F401 - Minari misses it only when it writes
@@ -150,31 +151,18 @@ def _episodes(policy: Policy, environment: Any, seeds: range, progress: Progress
     from minari.data_collector.episode_buffer import EpisodeBuffer
 
     for index, seed in enumerate(seeds):
-        observation, info = environment.reset(seed=seed)
-        names = tuple(name for name, value in info.items() if isinstance(value, float))
-        observations, infos = [observation], [[info[name] for name in names]]
-        actions: list[Any] = []
-        rewards: list[float] = []
-        terminations: list[bool] = []
-        truncations: list[bool] = []
-        while not (terminations and (terminations[-1] or truncations[-1])):
-            action = policy.act(observation)
-            observation, reward, terminated, truncated, info = environment.step(action)
-            observations.append(observation)
-            infos.append([info[name] for name in names])
-            actions.append(action)
-            rewards.append(float(reward))
-            terminations.append(bool(terminated))
-            truncations.append(bool(truncated))
+        start, *steps = drive_episode(policy, environment, seed)
+        names = tuple(name for name, value in start.info.items() if isinstance(value, float))
+        instants = (start, *steps)
         yield EpisodeBuffer(
             id=index,
             seed=seed,
-            observations=_stacked(observations),
-            actions=np.array(actions),
-            rewards=rewards,
-            terminations=terminations,
-            truncations=truncations,
-            infos={name: [told[place] for told in infos] for place, name in enumerate(names)},
+            observations=_stacked([instant.observation for instant in instants]),
+            actions=np.array([step.action for step in steps]),
+            rewards=[step.reward for step in steps],
+            terminations=[step.terminated for step in steps],
+            truncations=[step.truncated for step in steps],
+            infos={name: [instant.info[name] for instant in instants] for name in names},
         )
         if progress is not None:
             progress(index + 1, len(seeds))

@@ -10,6 +10,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final
 
 from ...terrain import ConfigurationError, InvalidInputError, missing_extra
+from ...terrain.parameters import require_whole
 from .plan import TrainingPlan
 from .recipe import Recipe
 from .training import train_policy
@@ -73,8 +74,7 @@ def tune(plan: TrainingPlan, folder: FilePath, *, trials: int, progress: Progres
     InvalidInputError
         If there is no trial.
     """
-    if isinstance(trials, bool) or not isinstance(trials, int) or trials < 1:
-        raise InvalidInputError(f"trials must be a positive whole number, got {trials!r}")
+    require_whole("trials", trials, 1)
     try:
         import optuna
     except ImportError as error:
@@ -89,13 +89,13 @@ def tune(plan: TrainingPlan, folder: FilePath, *, trials: int, progress: Progres
         load_if_exists=True,
     )
     _claim(study, plan, folder)
-    every = replace(plan, checkpoint_every=0, eval_every=plan.recipe.n_timesteps)
+    judged_at_its_end = replace(plan, checkpoint_every=0, eval_every=plan.recipe.n_timesteps)
 
     def objective(trial: optuna.Trial) -> float:
         overrides = suggest(trial, plan.recipe)
         trial.set_user_attr("overrides", overrides)
         try:
-            result = train_policy(replace(every, recipe=plan.recipe.changed(overrides)))
+            result = train_policy(replace(judged_at_its_end, recipe=plan.recipe.changed(overrides)))
         except (ConfigurationError, InvalidInputError):
             raise
         except ValueError as error:

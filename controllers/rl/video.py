@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...terrain import ConfigurationError, InvalidInputError, missing_extra
 from .environment import EnvironmentSpec
-from .evaluation import Agent
+from .episode import Agent, drive_episode
 
 _SUFFIXES: Final = (".mp4",)
 # H.264 takes heights and widths that this divides.
@@ -81,14 +81,8 @@ def film(
 
 
 def _frames(policy: Agent, environment: Any, seed: int) -> Iterator[NDArray[np.uint8]]:
-    observation, _ = environment.reset(seed=seed)
-    done = False
-    while True:
+    for _ in drive_episode(policy, environment, seed):
         frame = environment.render()
         if not isinstance(frame, np.ndarray):
             raise ConfigurationError(f"{environment.spec.id} draws no frames")
         yield frame
-        if done:
-            return
-        observation, _, terminated, truncated, _ = environment.step(policy.act(observation))
-        done = terminated or truncated

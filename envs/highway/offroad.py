@@ -23,15 +23,17 @@ from ...terrain import (
     resolve_ground,
 )
 from ...terrain.parameters import require_in
-from ..observation import LOOK_AHEAD_TIMES
+from ..observation import LOOK_AHEAD_TIMES, look_along
 from ..path import Path, Projection
 from ..rendering import RenderMode
 from ..state import VehicleState
+from ..task_config import check_options
 from ..tracked_env import Engine
 from .course import Course, course_network, course_obstacles, draw_course, paint_course
 from .obstacles import OBSTACLE_PARTS, nearest_obstacles, obstacle_table
-from .offroad_config import OffRoadConfig, OffRoadResetOptions, check_offroad_options, offroad_config
-from .scene import Action, SceneEnv, bounded, is_lost, observation_box
+from .offroad_config import OffRoadConfig, OffRoadResetOptions, offroad_config
+from .scene import Action, SceneEnv, is_lost
+from .scene_observation import bounded, observation_box
 
 Observation = NDArray[np.float32]
 
@@ -175,7 +177,7 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         The same draws are made whatever the options, so that an option changes nothing but what it names.
         """
         super().reset(seed=seed)
-        chosen = check_offroad_options(options or {})
+        chosen = check_options(OffRoadResetOptions, options or {})
         course = draw_course(self.np_random, self.config, self._patch_grounds)
         state = self._start(course.path, chosen)
         surroundings = self._draw_surroundings(chosen)
@@ -257,24 +259,11 @@ class OffRoadEnv(SceneEnv[OffRoadConfig, Observation]):
         return {"cross_track_error": self._foot.cross_track, "progress": self._foot.arc_length}
 
     def _observe(self) -> Observation:
-        state, foot, config = self.highway_vehicle.kinematics(), self._foot, self.config
-        ahead = self.reference_speed * np.array(LOOK_AHEAD_TIMES)
-        x, y, _, _ = self.path.sample(foot.arc_length + ahead)
-        cosine, sine = math.cos(state.heading), math.sin(state.heading)
-        dx, dy = x - state.x, y - state.y
-        points = np.stack([cosine * dx + sine * dy, cosine * dy - sine * dx], axis=1) / ahead[-1]
+        state, config = self.highway_vehicle.kinematics(), self.config
+        pose = state.x, state.y, state.heading
         parts = [
             *self._motion_parts(state),
-            foot.cross_track / (config.road_width / 2),
-            math.remainder(state.heading - foot.heading, 2 * math.pi) / math.pi,
-            *points.ravel().tolist(),
-            *nearest_obstacles(
-                self._obstacles,
-                state.x,
-                state.y,
-                state.heading,
-                count=config.observed_obstacles,
-                scale=_OBSTACLE_SCALE,
-            ),
+            *look_along(self.path, pose, self._foot, speed=self.reference_speed, width=config.road_width / 2).tolist(),
+            *nearest_obstacles(self._obstacles, *pose, count=config.observed_obstacles, scale=_OBSTACLE_SCALE),
         ]
         return bounded(parts + self._terrain_parts(state))

@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, TypedDict, cast
+from typing import Any, ClassVar, Final
 
-from ...terrain import ConfigurationError, Ground, InvalidInputError, Mode, Terrain, resolve_terrain
-from ...terrain.parameters import require_in
-from ..state import VehicleState
-from ..task_config import build_config, check_options
+from ...terrain import ConfigurationError, InvalidInputError, Mode, Terrain, resolve_terrain
+from ...terrain.parameters import require_in, require_whole
+from ..task_config import StartOptions, build_config
 from .scene_config import SceneConfig
 
 #: What patches consist of unless settings say otherwise.
@@ -20,7 +19,7 @@ PATCH_TERRAINS: Final[Mapping[Mode, tuple[str, ...]]] = {
 }
 
 
-class OffRoadResetOptions(TypedDict, total=False):
+class OffRoadResetOptions(StartOptions, total=False):
     """What ``reset(options=...)`` takes; whatever is not given is drawn.
 
     Attributes
@@ -37,11 +36,9 @@ class OffRoadResetOptions(TypedDict, total=False):
         Ground beside the patches, of the backend's mode.
     """
 
-    state: VehicleState
     lateral_offset: float
     heading_offset: float
     speed: float
-    terrain: str | os.PathLike[str] | Ground
 
 
 @dataclass(frozen=True)
@@ -114,17 +111,14 @@ class OffRoadConfig(SceneConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.reference_speed is not None:
-            require_in("reference_speed", self.reference_speed, 0.0, 1e2, low_open=True)
+        self._require_positive("reference_speed")
         for name, least, most in (
             ("road_points", 4, 200),
             ("obstacles", 0, 100),
             ("observed_obstacles", 0, 100),
             ("patches", 0, 1000),
         ):
-            count = getattr(self, name)
-            if isinstance(count, bool) or not isinstance(count, int) or not least <= count <= most:
-                raise InvalidInputError(f"{name} must be a whole number in [{least}, {most}], got {count!r}")
+            require_whole(name, getattr(self, name), least, most)
         require_in("road_width", self.road_width, 1.0, 100.0)
         require_in("bend", self.bend, 0.0, 1.0)
         for name, widest in (("obstacle_size", self.road_width / 4), ("patch_radius", 1e3)):
@@ -170,16 +164,3 @@ def offroad_config(settings: Mapping[str, Any]) -> OffRoadConfig:
         If a key is unknown, with the nearest one that exists.
     """
     return build_config(OffRoadConfig, "OffRoad", settings)
-
-
-def check_offroad_options(options: Mapping[str, Any]) -> OffRoadResetOptions:
-    """Return the options, once every key is seen to be one and every value to be of its kind.
-
-    Raises
-    ------
-    ConfigurationError
-        If a key is unknown, or the terrain's name is.
-    InvalidInputError
-        If a number is not finite or a value is of another kind.
-    """
-    return cast(OffRoadResetOptions, check_options(options, OffRoadResetOptions.__annotations__))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -12,19 +12,20 @@ import numpy as np
 from gymnasium.spaces import Dict
 from numpy.typing import ArrayLike, NDArray
 
-from ...terrain import ConfigurationError, FloatArray, ForceBackend, Ground, InvalidInputError, TrackedVehicle
+from ...terrain import ConfigurationError, FloatArray, ForceBackend, Ground, TrackedVehicle
 from ..observation import OBSERVATION_BOUND
 from ..rendering import RenderMode
 from ..state import VehicleState
 from ..tracked_env import Engine
 from .goal import GOAL_NAMES, GOAL_SCALES, as_goals, goal_errors, goal_reward, make_goal, within
+from .goal_pairs import Infos, crashed_or_lost, goal_pairs
 from .obstacles import OBSTACLE_PARTS, nearest_obstacles, obstacle_table
 from .parking_config import ParkingConfig, check_parking_options, parking_config
 from .parking_lot import draw_parking, lot_objects, spot_index, spot_network, spot_pose
-from .scene import Action, SceneEnv, bounded, is_lost, observation_box
+from .scene import Action, SceneEnv, is_lost
+from .scene_observation import bounded, observation_box
 
 Observation = dict[str, NDArray[np.float32]]
-Info = Mapping[str, Any]
 
 _POSITION_SCALE: Final = GOAL_SCALES[0]
 _OBSTACLE_SCALE: Final = 20.0
@@ -216,9 +217,7 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
             self.render()
         return observation, sum(terms.values()), terminated, truncated, info
 
-    def compute_reward(
-        self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Info | Sequence[Info] | NDArray[Any]
-    ) -> Any:
+    def compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Infos) -> Any:
         """Return the reward of reaching goals where others were desired.
 
         Every term is recomputed: the goal's from the goals, collision and control costs from ``info``.
@@ -241,27 +240,23 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
             If the shapes do not fit, or ``info`` is not that of a step: stable-baselines3's ``HerReplayBuffer`` hands it on
             with ``copy_info_dict=True`` alone.
         """
-        achieved, desired, infos = _pairs(achieved_goal, desired_goal, info)
+        achieved, desired, infos = goal_pairs(achieved_goal, desired_goal, info)
         rewards = self._goal_reward(achieved, desired)
-        rewards = rewards + np.where(_failed(infos), -self.config.collision_weight, 0.0)
+        rewards = rewards + np.where(crashed_or_lost(infos), -self.config.collision_weight, 0.0)
         # In the order in which a step sums them, so that not a bit differs.
         for term in ("action_change", "slip_power"):
             rewards = rewards + np.array([each["reward_terms"][term] for each in infos])
         return rewards if np.ndim(achieved_goal) == 2 else float(rewards[0])
 
-    def compute_terminated(
-        self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Info | Sequence[Info] | NDArray[Any]
-    ) -> Any:
+    def compute_terminated(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Infos) -> Any:
         """Return whether the goal is reached, or the vehicle has collided or is lost; arguments as above."""
-        achieved, desired, infos = _pairs(achieved_goal, desired_goal, info)
-        ended = within(goal_errors(achieved, desired), self.tolerance) | _failed(infos)
+        achieved, desired, infos = goal_pairs(achieved_goal, desired_goal, info)
+        ended = within(goal_errors(achieved, desired), self.tolerance) | crashed_or_lost(infos)
         return ended if np.ndim(achieved_goal) == 2 else bool(ended[0])
 
-    def compute_truncated(
-        self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Info | Sequence[Info] | NDArray[Any]
-    ) -> Any:
+    def compute_truncated(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Infos) -> Any:
         """Return whether the time is up and nothing else has ended the episode; arguments as above."""
-        _, _, infos = _pairs(achieved_goal, desired_goal, info)
+        _, _, infos = goal_pairs(achieved_goal, desired_goal, info)
         late = np.array([each["steps"] >= self._most_steps for each in infos])
         truncated = late & ~np.atleast_1d(self.compute_terminated(achieved_goal, desired_goal, info))
         return truncated if np.ndim(achieved_goal) == 2 else bool(truncated[0])
@@ -305,26 +300,3 @@ class ParkingEnv(SceneEnv[ParkingConfig, Observation]):
 
 def _goals_of(observation: Observation) -> tuple[FloatArray, FloatArray]:
     return as_goals(observation["achieved_goal"]), as_goals(observation["desired_goal"])
-
-
-def _failed(infos: Sequence[Info]) -> NDArray[np.bool_]:
-    return np.array([bool(info["crashed"]) or is_lost(info) for info in infos], dtype=np.bool_)
-
-
-def _pairs(
-    achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Info | Sequence[Info] | NDArray[Any]
-) -> tuple[FloatArray, FloatArray, Sequence[Info]]:
-    """Return goals of shape (n, 6) and n infos."""
-    achieved, desired = as_goals(achieved_goal), as_goals(desired_goal)
-    infos = [info] if isinstance(info, Mapping) else list(info)
-    if not achieved.shape == desired.shape == (len(infos), len(GOAL_NAMES)):
-        raise InvalidInputError(
-            f"one info for each pair of goals: got goals of shapes {np.shape(achieved_goal)} and "
-            f"{np.shape(desired_goal)}, and {len(infos)} infos"
-        )
-    if any("crashed" not in each or "reward_terms" not in each for each in infos):
-        raise InvalidInputError(
-            "the reward has terms of the step itself, and needs its info with 'crashed' and 'reward_terms': "
-            "make HerReplayBuffer with copy_info_dict=True"
-        )
-    return achieved, desired, infos

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypedDict, cast
+from typing import Any, ClassVar
 
-from ...terrain import ConfigurationError, Ground, InvalidInputError
-from ...terrain.parameters import require_in
-from ..state import VehicleState
-from ..task_config import build_config, check_options
+from ...terrain import ConfigurationError, InvalidInputError
+from ...terrain.parameters import require_in, require_whole
+from ..task_config import StartOptions, build_config, check_options
 from .goal import GOAL_NAMES, Tolerance
 from .scene_config import SceneConfig
 
@@ -19,7 +17,7 @@ from .scene_config import SceneConfig
 SPOTS_PER_ROW = 14
 
 
-class ParkingResetOptions(TypedDict, total=False):
+class ParkingResetOptions(StartOptions, total=False):
     """What ``reset(options=...)`` takes; whatever is not given is drawn.
 
     Attributes
@@ -34,10 +32,8 @@ class ParkingResetOptions(TypedDict, total=False):
         Ground of the episode, of the backend's mode.
     """
 
-    state: VehicleState
     heading: float
     spot: int
-    terrain: str | os.PathLike[str] | Ground
 
 
 @dataclass(frozen=True)
@@ -102,13 +98,11 @@ class ParkingConfig(SceneConfig):
             require_in(f"reward weight of {name}", weight, 0.0, 1e6)
         object.__setattr__(self, "reward_weights", tuple(map(float, weights)))
         require_in("reward_exponent", self.reward_exponent, 0.0, 2.0, low_open=True)
-        for name, most in (("position", 1e3), ("heading", math.pi), ("speed", 1e3)):
-            require_in(f"{name}_tolerance", getattr(self, f"{name}_tolerance"), 0.0, most, low_open=True)
+        for name, loosest in (("position", 1e3), ("heading", math.pi), ("speed", 1e3)):
+            require_in(f"{name}_tolerance", getattr(self, f"{name}_tolerance"), 0.0, loosest, low_open=True)
         require_in("start_spread", self.start_spread, 0.0, 5.0)
         for name, most in (("parked_vehicles", 2 * SPOTS_PER_ROW - 2), ("observed_obstacles", 2 * SPOTS_PER_ROW)):
-            count = getattr(self, name)
-            if isinstance(count, bool) or not isinstance(count, int) or not 0 <= count <= most:
-                raise InvalidInputError(f"{name} must be a whole number in [0, {most:g}], got {count!r}")
+            require_whole(name, getattr(self, name), 0, most)
 
     @property
     def tolerance(self) -> Tolerance:
@@ -139,10 +133,10 @@ def check_parking_options(options: Mapping[str, Any]) -> ParkingResetOptions:
     InvalidInputError
         If a number is impossible or a value is of another kind.
     """
-    checked = check_options(options, ParkingResetOptions.__annotations__)
+    checked = check_options(ParkingResetOptions, options)
     if "spot" in checked:
         spot = checked["spot"]
         if spot != round(spot) or not 0 <= spot < 2 * SPOTS_PER_ROW:
             raise InvalidInputError(f"the reset option spot is a whole number below {2 * SPOTS_PER_ROW}, got {spot!r}")
         checked["spot"] = int(spot)
-    return cast(ParkingResetOptions, checked)
+    return checked

@@ -19,7 +19,6 @@ from ...terrain import (
     ForceBackend,
     Ground,
     GuardedBackend,
-    InvalidInputError,
     OffMapError,
     SimulationDivergedError,
     SlopedGround,
@@ -32,19 +31,21 @@ from ...terrain import (
 )
 from ...terrain.parameters import require_in
 from ..footing import sample_ground
-from ..observation import OBSERVATION_BOUND, belt_command, terrain_sight, terrain_size
+from ..observation import belt_command, check_action, terrain_sight, terrain_size
 from ..rendering import RENDER_MODES, RenderMode
 from ..rollout import whole_ratio
 from ..slip_power import slip_power, slip_power_block
 from ..state import VehicleState
+from ..step_info import drawn_info, guard_info
 from ..surroundings import Randomizer, Surroundings
 from ..task_config import changed_config
-from ..tracked_env import Engine, drawn_info, guard_info
+from ..tracked_env import Engine
 from .dependency import import_highway_env
 from .footprint import Footprint
 from .kinematics import Kinematics
 from .motion_model import MotionModel
 from .scene_config import SceneConfig
+from .scene_observation import motion_parts
 from .scene_renderer import SceneRenderer
 from .vehicle import TrackedHighwayVehicle
 
@@ -230,9 +231,7 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
         dict
             ``crashed``, and ``diverged`` or ``off_map`` where the simulation broke off.
         """
-        given = np.asarray(action, dtype=np.float64)
-        if given.shape != (2,) or not np.all(np.abs(given) <= 1.0):
-            raise InvalidInputError(f"an action is two numbers in [-1, 1], got {action!r}")
+        given = check_action(action)
         vehicle, road = self.highway_vehicle, self.road
         vehicle.act(belt_command(given, self.vehicle, self.config, top_speed=self.top_speed))
         lost: dict[str, Any] = {}
@@ -269,15 +268,8 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
 
     def _motion_parts(self, state: Kinematics) -> list[float]:
         """Return velocity, yaw rate, belts and previous action, scaled."""
-        top = self.top_speed
-        return [
-            state.vx / top,
-            state.vy / top,
-            state.yaw_rate / self.config.yaw_rate_scale,
-            state.v_left / top,
-            state.v_right / top,
-            *self._action.tolist(),
-        ]
+        scale = self.config.yaw_rate_scale
+        return motion_parts(state, self._action, top_speed=self.top_speed, yaw_rate_scale=scale)
 
     def _terrain_parts(self, state: Kinematics) -> list[float]:
         """Return the terrain parameters under the vehicle, -1 to 1 over the wide ranges, where they are observed."""
@@ -326,16 +318,3 @@ class SceneEnv(gymnasium.Env[ObservationT, Action], Generic[ConfigT, Observation
 def is_lost(info: Mapping[str, Any]) -> bool:
     """Whether a step's info tells of a simulation that broke off."""
     return bool(info.get("diverged") or info.get("off_map"))
-
-
-def bounded(parts: list[float]) -> NDArray[np.float32]:
-    """Return an observation, cut to its bound."""
-    cut: NDArray[np.float32] = np.clip(np.array(parts), -OBSERVATION_BOUND, OBSERVATION_BOUND).astype(np.float32)
-    return cut
-
-
-def observation_box(size: int) -> gymnasium.Space[NDArray[np.float32]]:
-    """Return the space of observations of a size."""
-    box: Any = Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (size,), np.float32)
-    space: gymnasium.Space[NDArray[np.float32]] = box
-    return space

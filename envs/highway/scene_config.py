@@ -39,5 +39,4 @@ class SceneConfig(RandomizedTaskConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_in("scene_period", self.scene_period, 0.0, 1e4, low_open=True)
-        if self.top_speed is not None:
-            require_in("top_speed", self.top_speed, 0.0, 1e2, low_open=True)
+        self._require_positive("top_speed")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,15 +16,15 @@ from ...terrain import (
     InvalidInputError,
     TrackedVehicle,
 )
-from ..driveline import twist_belts
 from ..state import BeltCommand, VehicleState
 from .collision import Box, certainly_apart
-from .commands import accelerating_command, bicycle_yaw_rate
+from .commands import Command, as_command, bicycle_belts, cruising_belts
 from .dependency import import_highway_env
 from .footprint import footprint_of
 from .kinematics import Kinematics
 from .motion import Motion
 from .motion_model import MotionModel, standard_model
+from .prediction import predict
 
 _Vehicle: Any = import_highway_env("vehicle.kinematics").Vehicle
 _utils = import_highway_env("utils")
@@ -184,7 +183,7 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
     def lane(self, lane: Any) -> None:
         self._lane = lane
 
-    def act(self, action: BeltCommand | Mapping[str, float] | None = None) -> None:
+    def act(self, action: Command | None = None) -> None:
         """Store a command, to be held until another comes.
 
         Raises
@@ -194,21 +193,11 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
         """
         if action is None:
             return
-        if isinstance(action, BeltCommand):
-            numbers: Sequence[float] = action
-        elif isinstance(action, Mapping) and action.keys() == {"acceleration", "steering"}:
-            numbers = [float(value) for value in action.values()]
+        command = as_command(action)
+        if isinstance(command, BeltCommand):
+            self._belts = command
         else:
-            raise InvalidInputError(
-                "a tracked vehicle takes a BeltCommand, or a dict of acceleration and steering as ContinuousAction and "
-                f"DiscreteAction give it, got {action!r}"
-            )
-        if not all(map(math.isfinite, numbers)):
-            raise InvalidInputError(f"a command must be finite, got {action!r}")
-        if isinstance(action, BeltCommand):
-            self._belts = action
-        else:
-            self._belts, self.action = None, dict(action)
+            self._belts, self.action = None, dict(command)
 
     def randomize_behavior(self) -> None:
         """Do nothing: a tracked vehicle among the others keeps its speed and has no behaviour to draw."""
@@ -235,7 +224,7 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
         ticks = max(1, math.ceil(dt / longest - _WHOLE))
         motion.tick = longest if abs(dt - ticks * longest) <= _WHOLE * dt else dt / ticks
         try:
-            motion.advance(self._belts or self._belts_of_action(dt), ticks)
+            motion.advance(self._belts or self._bicycle_belts(dt), ticks)
         except GrouserError:
             x, y, heading, vx, *_ = motion.kinematics()
             self._write(x, y, heading, vx)
@@ -263,24 +252,13 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
         if self.prediction_type not in ("constant_steering", "zero_steering"):
             raise InvalidInputError(f"unknown prediction type {self.prediction_type!r}")
         self._take_what_was_written()
-        motion, tick = self._motion.copy(), self._motion.tick
-        mean = (motion.state.v_left + motion.state.v_right) / 2
-        steering = float(self.action["steering"]) if self.prediction_type == "constant_steering" else 0.0
-        command = self._twist(mean, bicycle_yaw_rate(mean, steering, self.LENGTH))
-        if self._belts is not None and self.prediction_type == "constant_steering":
-            command = self._belts
-        positions: list[FloatArray] = []
-        headings: list[float] = []
-        elapsed = 0
-        for time in np.asarray(times, dtype=np.float64).tolist():
-            ticks = round(time / tick) - elapsed
-            if ticks > 0:
-                motion.advance(command, ticks)
-                elapsed += ticks
-            x, y, heading, *_ = motion.kinematics()
-            positions.append(np.array([x, y]))
-            headings.append(heading)
-        return positions, headings
+        steered = self.prediction_type == "constant_steering"
+        if steered and self._belts is not None:
+            return predict(self._motion, self._belts, times)
+        steering = float(self.action["steering"]) if steered else 0.0
+        vehicle, state = self._model.vehicle, self._motion.kinematics()
+        belts = cruising_belts(state, steering, vehicle=vehicle, length=self.LENGTH)
+        return predict(self._motion, belts, times)
 
     @property
     def velocity(self) -> FloatArray:
@@ -339,17 +317,10 @@ class TrackedHighwayVehicle(_Vehicle):  # type: ignore[misc]
         _, _, _, vx, vy, *_ = self._motion.kinematics()
         return math.hypot(vx, vy)
 
-    def _belts_of_action(self, dt: float) -> BeltCommand:
-        """Return the belts that ask for highway-env's acceleration and steering over the next ``dt`` s."""
-        state, vehicle = self._motion.kinematics(), self._model.vehicle
-        mean = (state.v_left + state.v_right) / 2
-        speed = accelerating_command(mean, float(self.action["acceleration"]), dt, vehicle.belt_time_constant)
-        speed = min(self.MAX_SPEED, max(self.MIN_SPEED, speed))
-        return self._twist(speed, bicycle_yaw_rate(mean, float(self.action["steering"]), self.LENGTH))
-
-    def _twist(self, speed: float, yaw_rate: float) -> BeltCommand:
-        vehicle = self._model.vehicle
-        return twist_belts(speed, yaw_rate, tread=vehicle.tread, limit=vehicle.maximum_speed)
+    def _bicycle_belts(self, dt: float) -> BeltCommand:
+        speeds = self.MIN_SPEED, self.MAX_SPEED
+        vehicle, state = self._model.vehicle, self._motion.kinematics()
+        return bicycle_belts(state, self.action, dt, vehicle=vehicle, length=self.LENGTH, speeds=speeds)
 
     def _write(self, x: float, y: float, heading: float, speed: float) -> None:
         self.position = np.array([x, y])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property, partial
@@ -16,30 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...terrain import (
-    OUTPUT_NAMES,
     ArtifactError,
     FloatArray,
     Interface,
-    Mode,
     TrackedVehicle,
     interface,
-    missing_extra,
     write_json,
 )
-from .manifest import FORMAT_VERSION, Manifest, RunRecord, parse_manifest, parse_record
+from .manifest import FORMAT_VERSION, Manifest, RunRecord, parse_manifest
+from .parquet import import_parquet, read_parquet
+from .run_file import Run, read_record, read_run, run_from_table, run_table
 
 MANIFEST_NAME: Final = "dataset.json"
 SAMPLES_NAME: Final = "samples.parquet"
 RUNS_NAME: Final = "runs.parquet"
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """One run's record with its samples: ``inputs`` (n, d) and ``forces`` (n, 3)."""
-
-    record: RunRecord
-    inputs: FloatArray
-    forces: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,43 +84,6 @@ def hash_dataset(manifest: Manifest, runs: Iterable[Run]) -> str:
     return digest.hexdigest()
 
 
-def write_run(path: Path, run: Run, recipe: str = "") -> None:
-    """Write one run as a Parquet file of one row group, aside and renamed; ``recipe`` is its dataset's recipe hash."""
-    parquet = _parquet()
-    aside = path.with_name(path.name + ".part")
-    table = _run_table(run)
-    try:
-        parquet.write_table(
-            table.replace_schema_metadata({**table.schema.metadata, "recipe": recipe}),
-            aside,
-            row_group_size=max(1, len(run.inputs)),
-        )
-        os.replace(aside, path)
-    finally:
-        aside.unlink(missing_ok=True)
-
-
-def read_run(path: Path, mode: Mode, recipe: str = "") -> Run:
-    """Read a file of :func:`write_run`.
-
-    Raises
-    ------
-    ArtifactError
-        If it is not such a file, or both it and the caller name a recipe and they differ.
-    """
-    table = _read(lambda: _parquet().read_table(path), path)
-    metadata = table.schema.metadata or {}
-    if b"run" not in metadata:
-        raise ArtifactError(f"{path} is not a run of a dataset: it has no run record")
-    stated = metadata.get(b"recipe", b"").decode(errors="replace")
-    if stated and recipe and stated != recipe:
-        raise ArtifactError(
-            f"{path} is a run of another dataset: its vehicle, mode, ranges or another part of its recipe differ; "
-            "remove it and call the same command again"
-        )
-    return _run_from_table(table, _record(partial(json.loads, metadata[b"run"]), str(path)), mode)
-
-
 def write_dataset(folder: Path, manifest: Manifest, runs: Sequence[Path]) -> Manifest:
     """Assemble run files to a dataset; the manifest comes last, so that it marks a whole dataset.
 
@@ -146,7 +99,7 @@ def write_dataset(folder: Path, manifest: Manifest, runs: Sequence[Path]) -> Man
     """
     import pyarrow
 
-    parquet = _parquet()
+    parquet = import_parquet()
     digest_runs: list[RunRecord] = []
 
     def written() -> Iterator[Run]:
@@ -159,7 +112,7 @@ def write_dataset(folder: Path, manifest: Manifest, runs: Sequence[Path]) -> Man
                     raise ArtifactError(
                         f"{path} holds run {run.record.run}, not run {index}; remove it and call the same command again"
                     )
-                table = _run_table(run).replace_schema_metadata(None)
+                table = run_table(run).replace_schema_metadata(None)
                 writer = writer or parquet.ParquetWriter(aside, table.schema)
                 writer.write_table(table, row_group_size=max(1, table.num_rows))
                 digest_runs.append(run.record)
@@ -227,17 +180,19 @@ def read_dataset(folder: Path) -> tuple[Dataset, str]:
         If files are missing, unreadable, or do not fit together.
     """
     manifest = read_manifest(folder)
-    parquet = _parquet()
-    rows = _read(lambda: parquet.read_table(folder / RUNS_NAME).to_pylist(), folder / RUNS_NAME)
-    records = [_record(partial(_nested, row), RUNS_NAME) for row in rows]
-    source = _read(lambda: parquet.ParquetFile(folder / SAMPLES_NAME), folder / SAMPLES_NAME)
+    parquet = import_parquet()
+    rows = read_parquet(lambda: parquet.read_table(folder / RUNS_NAME).to_pylist(), folder / RUNS_NAME)
+    records = [read_record(partial(_nested, row), RUNS_NAME) for row in rows]
+    source = read_parquet(lambda: parquet.ParquetFile(folder / SAMPLES_NAME), folder / SAMPLES_NAME)
     if not records or source.num_row_groups != len(records):
         raise ArtifactError(
             f"{folder}: {manifest.runs} runs in the manifest, {len(records)} in {RUNS_NAME}, "
             f"{source.num_row_groups} row groups in {SAMPLES_NAME}"
         )
-    groups = _read(lambda: [source.read_row_group(i) for i in range(source.num_row_groups)], folder / SAMPLES_NAME)
-    runs = [_run_from_table(group, record, manifest.mode) for group, record in zip(groups, records, strict=True)]
+    groups = read_parquet(
+        lambda: [source.read_row_group(i) for i in range(source.num_row_groups)], folder / SAMPLES_NAME
+    )
+    runs = [run_from_table(group, record, manifest.mode) for group, record in zip(groups, records, strict=True)]
     dataset = Dataset(
         manifest,
         tuple(records),
@@ -259,14 +214,14 @@ def sample_columns(folder: Path) -> tuple[dict[str, str], list[set[int]]]:
     path = folder / SAMPLES_NAME
 
     def read() -> tuple[dict[str, str], list[set[int]]]:
-        source = _parquet().ParquetFile(path)
+        source = import_parquet().ParquetFile(path)
         columns = {field.name: str(field.type) for field in source.schema_arrow}
         if "run" not in columns:
             return columns, [set() for _ in range(source.num_row_groups)]
         groups = [source.read_row_group(i, columns=["run"]) for i in range(source.num_row_groups)]
         return columns, [set(group.column("run").unique().to_pylist()) for group in groups]
 
-    result: tuple[dict[str, str], list[set[int]]] = _read(read, path)
+    result: tuple[dict[str, str], list[set[int]]] = read_parquet(read, path)
     return result
 
 
@@ -290,32 +245,6 @@ def load_dataset(folder: Path) -> Dataset:
     return dataset
 
 
-def _run_table(run: Run) -> Any:
-    import pyarrow
-
-    names = (*interface("rigid" if "mu" in run.record.terrain else "soil").names, *OUTPUT_NAMES)
-    values = np.concatenate([run.inputs, run.forces], axis=1)
-    arrays = {"run": np.full(len(values), run.record.run, dtype=np.int32)}
-    arrays |= {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(names)}
-    metadata = {"run": json.dumps(asdict(run.record), sort_keys=True)}
-    return pyarrow.table(arrays).replace_schema_metadata(metadata)
-
-
-def _run_from_table(table: Any, record: RunRecord, mode: Mode) -> Run:
-    names = interface(mode).names
-    missing = [name for name in (*names, *OUTPUT_NAMES) if name not in table.column_names]
-    if missing:
-        raise ArtifactError(f"run {record.run} lacks the columns {', '.join(missing)}")
-
-    def block(columns: Sequence[str]) -> FloatArray:
-        return np.stack([np.asarray(table.column(name), dtype=np.float64) for name in columns], axis=1)
-
-    try:
-        return Run(record, block(names), block(OUTPUT_NAMES))
-    except (TypeError, ValueError) as error:
-        raise ArtifactError(f"run {record.run} holds samples that are not numbers: {error}") from error
-
-
 def _flat(record: RunRecord) -> dict[str, Any]:
     row = asdict(record)
     return row | {key: json.dumps(row[key], sort_keys=True) for key in ("terrain", "excitation")}
@@ -323,28 +252,3 @@ def _flat(record: RunRecord) -> dict[str, Any]:
 
 def _nested(row: dict[str, Any]) -> dict[str, Any]:
     return row | {key: json.loads(row[key]) for key in ("terrain", "excitation")}
-
-
-def _record(read: Callable[[], dict[str, Any]], source: str) -> RunRecord:
-    try:
-        return parse_record(read())
-    except (KeyError, TypeError, ValueError) as error:
-        raise ArtifactError(f"{source} has a row that is not a run record: {error}") from error
-
-
-def _read(read: Callable[[], Any], path: Path) -> Any:
-    _parquet()
-    import pyarrow
-
-    try:
-        return read()
-    except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise ArtifactError(f"{path} is missing or not a whole Parquet file: {error}") from error
-
-
-def _parquet() -> Any:
-    try:
-        import pyarrow.parquet
-    except ImportError as error:
-        raise missing_extra("pyarrow", "torch") from error
-    return pyarrow.parquet

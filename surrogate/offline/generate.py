@@ -27,10 +27,11 @@ from ...terrain import (
     unknown_name,
     write_json,
 )
-from .dataset import MANIFEST_NAME, Run, load_dataset, read_manifest, write_dataset, write_run
+from .dataset import MANIFEST_NAME, load_dataset, read_manifest, write_dataset
 from .engines import Engine, in_parallel, require_engine
 from .maneuvers import MANEUVERS, Maneuver, draw_maneuver
 from .manifest import Manifest, RunRecord, parse_manifest
+from .run_file import Run, write_run
 
 PARTS_NAME: Final = "parts"
 PLAN_NAME: Final = "plan.json"

@@ -26,8 +26,9 @@ from ...terrain import (
     parameter_ranges,
     terrain_type,
 )
-from .dataset import MANIFEST_NAME, Run, write_dataset, write_run
+from .dataset import MANIFEST_NAME, write_dataset
 from .manifest import Manifest, RunRecord
+from .run_file import Run, write_run
 
 #: Maneuver of every ingested run.
 VISITED: Final = "visited"

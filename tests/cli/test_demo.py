@@ -9,7 +9,7 @@ import pytest
 
 from grouser.cli.demo import full_config, quick_config
 from grouser.controllers import without_times
-from grouser.controllers.demonstration import DemoConfig
+from grouser.controllers.demonstration_config import DemoConfig
 
 #: What design.md promises of a row.
 ROW = {

@@ -83,6 +83,12 @@ def test_evaluation_repeats_itself_and_writes_a_row_a_seed(
     assert other.out != first.out
 
 
+def test_what_is_set_by_e_takes_the_place_of_an_option(call: Any, policy: Path, tmp_path: Path) -> None:
+    file = tmp_path / "found.json"
+    call("rl", "eval", policy, "--backend", "exact", "-e", "backend=physics", "--episodes", 1, *BRIEF, "-o", file)
+    assert json.loads(file.read_text(encoding="utf-8"))["environment"]["backend"]["backend"] == "physics"
+
+
 def test_a_policy_drives(call: Any, policy: Path, short_path: Path, tmp_path: Path) -> None:
     options = ("--controller", policy, "--path", short_path, "--time-limit", 1)
     assert "driven" in call("drive", "--backend", "physics", *options).out

@@ -28,7 +28,7 @@ from grouser.controllers import (
     document,
     without_times,
 )
-from grouser.controllers.comparison import start_state
+from grouser.controllers.scenario import start_state
 from grouser.envs import BeltCommand, Corridor, Driver, Lane, Path, VehicleState
 from grouser.envs.paths import figure_eight, straight
 from grouser.terrain import (

@@ -12,7 +12,8 @@ import pytest
 from policies import make_policy
 
 from grouser.controllers import Drive, PathTrackingMPC, PolicyDriver, demonstration, load_policy
-from grouser.controllers.demonstration import DemoConfig, demo_scenarios, run_demonstration
+from grouser.controllers.demonstration import demo_scenarios, run_demonstration
+from grouser.controllers.demonstration_config import DemoConfig
 from grouser.surrogate import Surrogate
 from grouser.surrogate.offline import TrainingConfig
 from grouser.terrain import ConfigurationError, InvalidInputError, Mode, named

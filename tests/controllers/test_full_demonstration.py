@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from grouser.controllers.demonstration import DemoConfig, Demonstration, run_demonstration
+from grouser.controllers.demonstration import Demonstration, run_demonstration
+from grouser.controllers.demonstration_config import DemoConfig
 
 pytestmark = pytest.mark.slow
 

@@ -15,19 +15,9 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 from scipy.special import gamma
 
-from grouser.envs.paths import (
-    Corridor,
-    Lane,
-    Path,
-    circle,
-    figure_eight,
-    iso_3888_1,
-    make_path,
-    path_from_csv,
-    path_names,
-    sine,
-    straight,
-)
+from grouser.envs import Corridor, Lane, Path
+from grouser.envs.path_file import path_from_csv
+from grouser.envs.paths import circle, figure_eight, iso_3888_1, make_path, path_names, sine, straight
 from grouser.terrain import ConfigurationError, InvalidInputError, TrackedVehicle
 
 M113 = TrackedVehicle.preset("m113")

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from grouser.envs import PathTrackingEnv, TrackingConfig
-from grouser.envs.tracking_config import check_reset_options, tracking_config
+from grouser.envs import PathTrackingEnv, ResetOptions, TrackingConfig
+from grouser.envs.task_config import check_options
+from grouser.envs.tracking_config import tracking_config
 from grouser.terrain import ConfigurationError, InvalidInputError, named
 
 
@@ -99,7 +100,7 @@ def test_an_unknown_integrator_names_the_nearest() -> None:
 
 def test_reset_options_are_passed_on() -> None:
     options = {"arc_length": 1.0, "speed": 2.0, "terrain": "ice"}
-    assert check_reset_options(options) == options | {"terrain": named("ice")}
+    assert check_options(ResetOptions, options) == options | {"terrain": named("ice")}
 
 
 @pytest.mark.parametrize(
@@ -107,7 +108,7 @@ def test_reset_options_are_passed_on() -> None:
 )
 def test_an_unknown_reset_option_names_the_nearest(key: str, nearest: str) -> None:
     with pytest.raises(ConfigurationError, match=f"unknown reset option '{key}'; did you mean '{nearest}'"):
-        check_reset_options({key: 1.0})
+        check_options(ResetOptions, {key: 1.0})
 
 
 @pytest.mark.parametrize(

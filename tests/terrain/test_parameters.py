@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import FrozenInstanceError
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from grouser.terrain import (
     terrain_from_mapping,
     terrain_names,
 )
+from grouser.terrain.parameters import require_whole
 
 
 def test_parameters_stand_in_interface_order() -> None:
@@ -176,3 +178,16 @@ def test_places_of_the_unit_cube_follow_the_law_of_the_draws(name: str, mode: Mo
     np.testing.assert_allclose(ranges.at(second.random(drawn.shape)), drawn, rtol=1e-14)
     corners = ranges.at(np.array([np.zeros(drawn.shape[1]), np.ones(drawn.shape[1])]))
     np.testing.assert_allclose(corners, [ranges.low, ranges.high], rtol=1e-14)
+
+
+@pytest.mark.parametrize("value", [0, 5, 2.0, True, "3", math.nan])
+def test_what_is_no_whole_number_or_out_of_its_interval_is_refused(value: Any) -> None:
+    with pytest.raises(InvalidInputError, match=r"^count must be a whole number in \[1, 4\], got "):
+        require_whole("count", value, 1, 4)
+
+
+def test_whole_numbers_need_no_upper_bound() -> None:
+    for value in (3, 10**12):
+        require_whole("count", value, 3)
+    with pytest.raises(InvalidInputError, match=r"^count must be a whole number of at least 3, got 2$"):
+        require_whole("count", 2, 3)

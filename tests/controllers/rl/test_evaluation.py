@@ -56,7 +56,10 @@ def test_neither_threads_nor_the_number_of_episodes_change_one() -> None:
 def test_what_is_not_compiled_is_driven_one_by_one_to_the_same_bits() -> None:
     policy = make_policy(seed=2, drive=0.5, **TASK)
     compiled = evaluate(policy, TRACKING.changed(path="straight"), episodes=1)
-    alone = evaluate(policy, TRACKING.changed(path="straight", engine="compiled"), episodes=1)
+    # Vector environments take no engine.
+    single = TRACKING.changed(path="straight", engine="compiled")
+    assert single.make_batch(1) is None
+    alone = evaluate(policy, single, episodes=1)
     assert alone.episodes == compiled.episodes
 
 
@@ -95,7 +98,8 @@ def test_wilsons_interval_holds_the_rates_that_a_score_test_does_not_reject() ->
     found = Evaluation(tuple(episode(0.0, success=index < successes) for index in range(count)))
     rate = successes / count
     assert found.success_rate == rate
-    for bound in found.success_interval or ():
+    assert found.success_interval is not None
+    for bound in found.success_interval:
         assert abs(rate - bound) / math.sqrt(bound * (1 - bound) / count) == pytest.approx(1.96, abs=1e-3)
     assert Evaluation((episode(0.0),)).success_interval is None
 

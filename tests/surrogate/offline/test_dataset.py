@@ -11,19 +11,11 @@ import pyarrow
 import pytest
 from pyarrow import parquet
 
-from grouser.surrogate.offline.dataset import (
-    Dataset,
-    Run,
-    hash_dataset,
-    load_dataset,
-    read_manifest,
-    read_run,
-    write_dataset,
-    write_run,
-)
+from grouser.surrogate.offline.dataset import Dataset, hash_dataset, load_dataset, read_manifest, write_dataset
 from grouser.surrogate.offline.generate import DataConfig
 from grouser.surrogate.offline.maneuvers import MANEUVERS
 from grouser.surrogate.offline.manifest import Manifest
+from grouser.surrogate.offline.run_file import Run, read_run, write_run
 from grouser.terrain import OUTPUT_NAMES, ArtifactError, TrackedVehicle, interface, parameter_ranges
 
 RUNS, SAMPLES = 18, 40
