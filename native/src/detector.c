@@ -8,7 +8,6 @@ static const double EDGE_TOLERANCE = 1e-6;
 
 void grouser_detector_init(grouser_detector *detector, int columns, const double *low, const double *high,
                            const double *center, const double *whitening, double threshold) {
-  memset(detector, 0, sizeof *detector);
   detector->columns = columns;
   detector->threshold = threshold;
   for (int i = 0; i < columns; i++) {
@@ -20,26 +19,10 @@ void grouser_detector_init(grouser_detector *detector, int columns, const double
     detector->center[i] = center[i];
     detector->reach[i] = reach > 0 ? reach : 1.0;
     detector->slack[i] = 2 * EDGE_TOLERANCE * detector->reach[i];
-    for (int j = 0; j < columns; j++) detector->whitening[j][i] = whitening[i * columns + j];
   }
-}
-
-/* A row and what is computed of it, padded with zeros. */
-typedef struct {
-  double x[GROUSER_PADDED_COLUMNS], offset[GROUSER_PADDED_COLUMNS], white[GROUSER_PADDED_COLUMNS];
-} padded_row;
-
-static void pad_row(const grouser_detector *detector, const double *row, padded_row *padded) {
-  for (int i = 0; i < GROUSER_PADDED_COLUMNS; i++) padded->x[i] = i < detector->columns ? row[i] : 0.0;
-}
-
-static int in_box(const grouser_detector *detector, const padded_row *row) {
-  int inside = 1;
-  for (int i = 0; i < GROUSER_PADDED_COLUMNS; i++) {
-    const double x = row->x[i], slack = detector->slack[i];
-    inside &= (detector->low[i] - slack <= x) & (x <= detector->high[i] + slack);
-  }
-  return inside;
+  for (int j = 0; j < columns; j++)
+    for (int i = 0; i < GROUSER_PADDED_ROWS; i++)
+      detector->whitening[j][i] = i < columns ? whitening[i * columns + j] : 0.0;
 }
 
 /* Vectors by name, since compilers left to themselves turn the loops round. */
@@ -51,33 +34,34 @@ static void whiten_part(const grouser_detector *detector, const double *offset, 
     memcpy(&column, detector->whitening[j] + first, sizeof column);
     sum += column * offset[j];
   }
-  memcpy(white, &sum, sizeof sum);
+  memcpy(white + first, &sum, sizeof sum);
 #else
-  for (int l = 0; l < GROUSER_PART; l++) {
-    white[l] = 0;
-    for (int j = 0; j < detector->columns; j++) white[l] += detector->whitening[j][first + l] * offset[j];
+  for (int i = first; i < first + GROUSER_PART; i++) {
+    white[i] = 0;
+    for (int j = 0; j < detector->columns; j++) white[i] += detector->whitening[j][i] * offset[j];
   }
 #endif
 }
 
-/* Writes offset = x - center and white = W offset, and returns |white|. */
-static double distance(const grouser_detector *detector, padded_row *row) {
+/* Writes offset = row - center and white = W offset (GROUSER_PADDED_ROWS), and returns |white|. */
+static double distance(const grouser_detector *detector, const double *row, double *offset, double *white) {
+  const int columns = detector->columns;
   double square = 0;
-  for (int i = 0; i < GROUSER_PADDED_COLUMNS; i++) row->offset[i] = row->x[i] - detector->center[i];
-  for (int first = 0; first < GROUSER_PADDED_COLUMNS; first += GROUSER_PART)
-    whiten_part(detector, row->offset, first, row->white + first);
-  for (int i = 0; i < detector->columns; i++) square += row->white[i] * row->white[i];
+  for (int j = 0; j < columns; j++) offset[j] = row[j] - detector->center[j];
+  for (int first = 0; first < GROUSER_PADDED_ROWS; first += GROUSER_PART) whiten_part(detector, offset, first, white);
+  for (int i = 0; i < columns; i++) square += white[i] * white[i];
   return sqrt(square);
 }
 
 /* Column that adds most to |white|^2; one whose share is NaN wins. */
-static int worst_column(const grouser_detector *detector, const padded_row *row) {
+static int worst_column(const grouser_detector *detector, const double *offset, const double *white) {
+  const int columns = detector->columns;
   int worst = 0;
   double largest = -INFINITY;
-  for (int j = 0; j < detector->columns; j++) {
+  for (int j = 0; j < columns; j++) {
     double share = 0;
-    for (int i = 0; i < detector->columns; i++) share += row->white[i] * detector->whitening[j][i];
-    share *= row->offset[j];
+    for (int i = 0; i < columns; i++) share += white[i] * detector->whitening[j][i];
+    share *= offset[j];
     if (isnan(share)) return j;
     if (share > largest) {
       largest = share;
@@ -87,41 +71,48 @@ static int worst_column(const grouser_detector *detector, const padded_row *row)
   return worst;
 }
 
-static grouser_detection outside(const grouser_detector *detector, padded_row *row) {
+static grouser_detection outside(const grouser_detector *detector, const double *row) {
   grouser_detection detection = {INFINITY, GROUSER_FINITE, 0};
   for (int i = 0; i < detector->columns; i++)
-    if (!isfinite(row->x[i])) {
+    if (!isfinite(row[i])) {
       detection.worst_column = i;
       return detection;
     }
   double largest = -INFINITY;
   for (int i = 0; i < detector->columns; i++) {
-    const double excess = fmax(detector->low[i] - row->x[i], row->x[i] - detector->high[i]) / detector->reach[i];
+    const double excess = fmax(detector->low[i] - row[i], row[i] - detector->high[i]) / detector->reach[i];
     if (excess > largest) {
       largest = excess;
       detection.worst_column = i;
     }
   }
-  const double far = distance(detector, row) / detector->threshold;
+  double offset[GROUSER_MAX_COLUMNS], white[GROUSER_PADDED_ROWS];
+  const double far = distance(detector, row, offset, white) / detector->threshold;
   detection.reason = GROUSER_BOX;
   /* A distance that overflowed to NaN is passed over. */
   detection.score = far > 1.0 + largest ? far : 1.0 + largest;
   return detection;
 }
 
+static int in_box(const grouser_detector *detector, const double *row) {
+  for (int i = 0; i < detector->columns; i++) {
+    const double slack = detector->slack[i];
+    if (!(detector->low[i] - slack <= row[i] && row[i] <= detector->high[i] + slack)) return 0;
+  }
+  return 1;
+}
+
 int grouser_in_distribution(const grouser_detector *detector, const double *row) {
-  padded_row padded;
-  pad_row(detector, row, &padded);
-  return in_box(detector, &padded) && distance(detector, &padded) / detector->threshold <= 1.0;
+  double offset[GROUSER_MAX_COLUMNS], white[GROUSER_PADDED_ROWS];
+  return in_box(detector, row) && distance(detector, row, offset, white) / detector->threshold <= 1.0;
 }
 
 grouser_detection grouser_detect(const grouser_detector *detector, const double *row) {
-  padded_row padded;
-  pad_row(detector, row, &padded);
-  if (!in_box(detector, &padded)) return outside(detector, &padded);
+  if (!in_box(detector, row)) return outside(detector, row);
+  double offset[GROUSER_MAX_COLUMNS], white[GROUSER_PADDED_ROWS];
   grouser_detection detection = {0, GROUSER_NONE, 0};
-  detection.score = distance(detector, &padded) / detector->threshold;
-  detection.worst_column = worst_column(detector, &padded);
+  detection.score = distance(detector, row, offset, white) / detector->threshold;
+  detection.worst_column = worst_column(detector, offset, white);
   if (grouser_out_of_distribution(&detection)) detection.reason = GROUSER_DISTANCE;
   return detection;
 }

@@ -16,16 +16,16 @@ typedef struct {
   int worst_column; /* or GROUSER_PRIMARY_OUTPUT */
 } grouser_detection;
 
-/* Columns, filled up with zeros to whole parts that are summed at once. */
-enum { GROUSER_PART = 8, GROUSER_PADDED_COLUMNS = 2 * GROUSER_PART };
+/* Rows of W are filled up to whole parts, which are summed at once. */
+enum { GROUSER_PART = 4, GROUSER_PADDED_ROWS = (GROUSER_MAX_COLUMNS + GROUSER_PART - 1) / GROUSER_PART * GROUSER_PART };
 
 typedef struct {
   int columns;
-  double threshold;                                                       /* distance that scores 1 */
-  double low[GROUSER_PADDED_COLUMNS], high[GROUSER_PADDED_COLUMNS];       /* the box, bounds included */
-  double center[GROUSER_PADDED_COLUMNS];                                  /* where the distance is 0 */
-  double whitening[GROUSER_MAX_COLUMNS][GROUSER_PADDED_COLUMNS];          /* by column: entry [j][i] is W(i, j) */
-  double reach[GROUSER_PADDED_COLUMNS], slack[GROUSER_PADDED_COLUMNS];    /* follow from the box */
+  double threshold;                                             /* distance that scores 1 */
+  double low[GROUSER_MAX_COLUMNS], high[GROUSER_MAX_COLUMNS];   /* the box, bounds included */
+  double center[GROUSER_MAX_COLUMNS];                           /* where the distance is 0 */
+  double whitening[GROUSER_MAX_COLUMNS][GROUSER_PADDED_ROWS];   /* by column: entry [j][i] is W(i, j), then zeros */
+  double reach[GROUSER_MAX_COLUMNS], slack[GROUSER_MAX_COLUMNS]; /* follow from the box */
 } grouser_detector;
 
 /* Copies the arrays; whitening is the columns x columns matrix W, row-major. */
