@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from benchmarks.data.style import BLUE, GREEN, GREY, ORANGE, SETTINGS, save
 
 from .formats import FLOAT32, FORMATS
-from .loop import LOOSE, MARGIN, POSITION
+from .loop import LOOSE, MARGIN, POSITION, contenders
 from .prototypes import PROTOTYPES
 from .speed import OURS
 
@@ -24,7 +24,7 @@ _MARKERS: Final = "osD^vPX*"
 def draw(results: Mapping[str, Any], target: Path) -> None:
     """Draw accuracy, drives and times of the study's results, and write the picture."""
     with mpl.rc_context(SETTINGS):
-        figure = Figure(figsize=(14.0, 4.8), layout="constrained")
+        figure = Figure(figsize=(14.5, 5.4), layout="constrained")
         errors, drives, times = figure.subplots(1, 3)
         _draw_errors(errors, results["accuracy"])
         _draw_drives(drives, results["drives"])
@@ -40,7 +40,7 @@ def _draw_errors(axes: Any, accuracy: Mapping[str, Any]) -> None:
         axes.plot(values, range(len(formats)), _MARKERS[index % 8], color=_COLORS[index % 8], label=name, ms=5)
     _label(axes, formats)
     axes.set(xlabel="NRMSE over that of float32, worst output", title="(a) test rows of the shipped artifacts")
-    axes.legend(fontsize=7)
+    _legend(axes)
 
 
 def _draw_drives(axes: Any, drives: Mapping[str, Any]) -> None:
@@ -49,7 +49,8 @@ def _draw_drives(axes: Any, drives: Mapping[str, Any]) -> None:
         # The plain surrogate is metres away from physics in any format.
         if "recipe" in name:
             continue
-        growths = {kind: each["growth"][POSITION] for kind, each in found["judged"].items() if kind != FLOAT32.name}
+        judged = found["judged"]
+        growths = {kind: judged[kind]["growth"][POSITION] for kind in contenders() if kind != FLOAT32.name}
         names = list(growths)
         axes.errorbar(
             [1e3 * each["mean"] for each in growths.values()],
@@ -64,9 +65,11 @@ def _draw_drives(axes: Any, drives: Mapping[str, Any]) -> None:
     axes.axvline(1e3 * MARGIN, color="black", linestyle="--", linewidth=0.9)
     _label(axes, names)
     axes.set_xscale("symlog", linthresh=0.1)
+    axes.set_xlim(-1.5, 4e4)
+    axes.set_xticks([-1, -0.1, 0, 0.1, 1, 10, 100, 1e3, 1e4], ["−1", "−.1", "0", ".1", "1", "10", "100", "10³", "10⁴"])
     axes.set(xlabel="further from physics than with float32 (mm), 95 %", title="(b) final position of the lane change")
     if names:
-        axes.legend(fontsize=7)
+        _legend(axes)
 
 
 def _draw_times(axes: Any, times: Mapping[str, Mapping[str, float]]) -> None:
@@ -77,12 +80,18 @@ def _draw_times(axes: Any, times: Mapping[str, Mapping[str, float]]) -> None:
             continue
         shown = [(place, found[name] / base) for place, name in enumerate(names) if name in found]
         places, shares = zip(*shown, strict=True)
-        axes.plot(shares, places, _MARKERS[index % 8], color=_COLORS[index % 8], label=network, ms=5)
+        axes.plot(
+            shares, places, _MARKERS[index % 8], color=_COLORS[index % 8], label=network.replace("m113-", ""), ms=5
+        )
     axes.axvline(1.0, color=GREY, linewidth=0.9)
     _label(axes, names)
     axes.set(xlabel="time over that of the float32 prototype", xlim=(0, None), title="(c) one sample in C")
     if times:
-        axes.legend(fontsize=7)
+        _legend(axes)
+
+
+def _legend(axes: Any) -> None:
+    axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.4, -0.13), ncols=2, frameon=False)
 
 
 def _label(axes: Any, names: list[str]) -> None:
