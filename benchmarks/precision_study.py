@@ -3,8 +3,8 @@
     python -P benchmarks/precision_study.py --output docs
 
 Rows are driven again as the datasets of the artifacts hold them, so that none has to be there. Accuracy and drives are kept
-as they are done, in build/precision-study, so that the same command goes on after an interruption. About forty minutes on
-one core, most of them for the drives with rounded activations.
+as they are done, in build/precision-study, so that the same command goes on after an interruption. About half an hour on
+a quiet core, most of it for the drives with rounded activations.
 """
 
 from __future__ import annotations
