@@ -12,7 +12,7 @@ import numpy as np
 from ...surrogate import NUMPY_NETWORK, DenseNetwork
 from ...terrain import ConfigurationError, FloatArray, missing_extra
 from .compiled_rivals import TIMER, CompiledRival
-from .python_rivals import onnx_model
+from .python_rivals import onnx_model, silence_onnx_runtime
 from .toolchain import Toolchain, Unit
 
 #: The name that it has in tables.
@@ -127,6 +127,7 @@ def onnx_in_c(
     ConfigurationError
         If onnx is not installed, the compiler or ONNX Runtime refuses, or the forces are others.
     """
+    silence_onnx_runtime()
     runtime = ctypes.CDLL(str(shared))
     runtime.OrtGetApiBase.restype = ctypes.c_void_p
     model = onnx_model(network, 1)

@@ -1,5 +1,8 @@
 """Every rival computes the forces of the network, or of the physics, that it is timed against."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -88,6 +91,21 @@ def test_onnx_runtime_called_from_c(
     rival = onnx_in_c(toolchain, tmp_path, "onnx", folded(surrogate), subjects.rows[:9], onnx_library())
     close(rival.forces(subjects.rows[9:20]), oracle(surrogate, subjects.rows[9:20]))
     assert rival.burst(subjects.rows)(3) > 0
+
+
+def test_onnx_runtime_neither_reports_nor_leaves_files(tmp_path: Path) -> None:
+    for package in ("onnx", "onnxruntime"):
+        pytest.importorskip(package)
+    code = """
+import numpy as np
+from grouser.controllers.bench.python_rivals import onnx_rivals
+from grouser.surrogate import random_network
+
+onnx_rivals(random_network((10, 4, 3), "relu", np.random.default_rng(0)), np.zeros((1, 10), np.float32))
+"""
+    environment = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
+    subprocess.run([sys.executable, "-P", "-c", code], check=True, env=environment | {"TMPDIR": str(tmp_path)})
+    assert not list(tmp_path.iterdir())
 
 
 # Functions that all answer with success, but those whose places are given here.
