@@ -137,10 +137,32 @@ def track_forces_on(footing: Footing, backend: ForceBackend, row: FloatArray, *,
     Without ``rolling`` they are the shear forces alone, which the belts turn against; rolling resistance acts on the
     body.
     """
-    ratio = footing.gravity.load_ratio
-    left, right = (level_equivalent(backend.interface, each, ratio) for each in (row, footing.right_row(row)))
+    forces: FloatArray = sloped_track_forces(
+        backend, row, footing.right_row(row), footing.gravity.load_ratio, rolling=rolling
+    )[0]
+    return forces
+
+
+def sloped_track_forces(
+    backend: ForceBackend, left: FloatArray, right: FloatArray, load_ratio: float | FloatArray, *, rolling: bool
+) -> FloatArray:
+    """Return :func:`track_forces_on` of any number of rows, shape (n, 2, 3).
+
+    Parameters
+    ----------
+    backend : ForceBackend
+        That knows the tracks apart.
+    left, right : ndarray, shape (d,) or (n, d)
+        Rows of each track.
+    load_ratio : float, or ndarray of shape (n,)
+        g_z/g, for all rows or each.
+    rolling : bool
+        Whether with rolling resistance.
+    """
+    left, right = (level_equivalent(backend.interface, each, load_ratio) for each in (left, right))
     if not rolling:
+        resistance = backend.interface.index("fr")
         left, right = left.copy(), right.copy()
-        left[backend.interface.index("fr")] = right[backend.interface.index("fr")] = 0.0
-    forces: FloatArray = ratio * backend.track_forces(left, right)[0]
+        left[..., resistance] = right[..., resistance] = 0.0
+    forces: FloatArray = np.asarray(load_ratio)[..., None, None] * backend.track_forces(left, right)
     return forces

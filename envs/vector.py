@@ -28,7 +28,14 @@ from .speed_task import SpeedEpisode, SpeedTask
 from .task import ConfigT, EpisodeT, Task
 from .tracked_env import spaces
 from .tracking_config import TrackingConfig, tracking_config
-from .vector_arguments import check_rendered_envs, check_reset_mask, make_batch, resolve_autoreset_mode, sub_seeds
+from .vector_arguments import (
+    check_rendered_envs,
+    check_reset_mask,
+    check_track_forces,
+    make_batch,
+    resolve_autoreset_mode,
+    sub_seeds,
+)
 from .vector_info import VectorInfo, batch_info, merged, reset_info
 
 _Flags = NDArray[np.bool_]
@@ -42,7 +49,7 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
 
     Sub-environment i is the single environment of the task, reset with its seed: equal actions give the same
     observations, rewards and ends to the bit, episode after episode, whatever the number of sub-environments and
-    threads. Of the single environment's ``info``, ``track_forces`` and ``sprocket_power`` are left out.
+    threads. So are the infos, but that ``track_forces`` and ``sprocket_power`` have to be asked for.
 
     Parameters
     ----------
@@ -66,11 +73,15 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         What :meth:`render` returns.
     rendered_envs : int, optional
         Frames are those of the first so many sub-environments; by default of all.
+    track_forces : bool
+        Whether infos tell ``track_forces`` and ``sprocket_power``, for which the force block is asked twice more a
+        step, and each vehicle's ground in Python.
 
     Raises
     ------
     ConfigurationError
-        If the backend or the ground is not compiled, or the autoreset mode is unknown.
+        If the backend or the ground is not compiled, the autoreset mode is unknown, or track forces are asked of a
+        backend that does not know the tracks apart.
     InvalidInputError
         If there is no sub-environment or no thread.
     """
@@ -87,6 +98,7 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         reward: RewardFunction | None,
         render_mode: Literal["rgb_array"] | None,
         rendered_envs: int | None,
+        track_forces: bool,
     ) -> None:
         if render_mode not in (None, *VECTOR_RENDER_MODES):
             raise unknown_name("render mode of a vector environment", render_mode, VECTOR_RENDER_MODES)
@@ -94,6 +106,7 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         self.batch: Final = make_batch(
             task, backend, num_envs, threads=threads, backend_options=backend_options, reward=reward
         )
+        self._track_forces = check_track_forces(track_forces, self.batch.fleet.backend)
         self.task: Final = task
         self.num_envs = num_envs
         self.single_action_space, self.single_observation_space = spaces(task)
@@ -218,17 +231,17 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         batch, resets = self.batch, self._ended
         self._ended = ended
         if not resets.any():
-            return batch.observations.copy(), batch_info(batch, self._all)
-        infos = batch_info(batch, ~resets)
+            return batch.observations.copy(), self._step_info(self._all)
+        infos = self._step_info(~resets)
         self._restart(resets)
         return batch.observations.copy(), merged(infos, reset_info(batch, resets))
 
     def _same_step(self, ended: _Flags) -> tuple[Observation, VectorInfo]:
         batch = self.batch
         if not ended.any():
-            return batch.observations.copy(), batch_info(batch, self._all)
-        infos = batch_info(batch, ~ended)
-        final = batch_info(batch, ended)
+            return batch.observations.copy(), self._step_info(self._all)
+        infos = self._step_info(~ended)
+        final = self._step_info(ended)
         last = np.full(self.num_envs, None, dtype=object)
         for index in np.flatnonzero(ended).tolist():
             last[index] = batch.observations[index].copy()
@@ -236,6 +249,9 @@ class TrackedVehicleVectorEnv(VectorEnv[Observation, ArrayLike, NDArray[Any]], G
         infos = merged(infos, reset_info(batch, ended))
         infos |= {"final_obs": last, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy()}
         return batch.observations.copy(), infos
+
+    def _step_info(self, stepped: _Flags) -> VectorInfo:
+        return batch_info(self.batch, stepped, track_forces=self._track_forces)
 
     def _restart(self, mask: _Flags) -> None:
         for index in np.flatnonzero(mask).tolist():
@@ -247,7 +263,7 @@ class PathTrackingVectorEnv(TrackedVehicleVectorEnv[TrackingConfig, PathEpisode]
 
     Parameters
     ----------
-    num_envs, threads, autoreset_mode, render_mode, rendered_envs
+    num_envs, threads, autoreset_mode, render_mode, rendered_envs, track_forces
         As of :class:`TrackedVehicleVectorEnv`.
     backend, vehicle, terrain, path, backend_options, reward, **settings
         As of :class:`PathTrackingEnv`.
@@ -267,6 +283,7 @@ class PathTrackingVectorEnv(TrackedVehicleVectorEnv[TrackingConfig, PathEpisode]
         reward: RewardFunction | None = None,
         render_mode: Literal["rgb_array"] | None = None,
         rendered_envs: int | None = None,
+        track_forces: bool = False,
         **settings: Any,
     ) -> None:
         super().__init__(
@@ -279,6 +296,7 @@ class PathTrackingVectorEnv(TrackedVehicleVectorEnv[TrackingConfig, PathEpisode]
             reward=reward,
             render_mode=render_mode,
             rendered_envs=rendered_envs,
+            track_forces=track_forces,
         )
 
 
@@ -287,7 +305,7 @@ class SpeedTrackingVectorEnv(TrackedVehicleVectorEnv[SpeedConfig, SpeedEpisode])
 
     Parameters
     ----------
-    num_envs, threads, autoreset_mode, render_mode, rendered_envs
+    num_envs, threads, autoreset_mode, render_mode, rendered_envs, track_forces
         As of :class:`TrackedVehicleVectorEnv`.
     backend, vehicle, terrain, backend_options, reward, **settings
         As of :class:`SpeedTrackingEnv`.
@@ -306,6 +324,7 @@ class SpeedTrackingVectorEnv(TrackedVehicleVectorEnv[SpeedConfig, SpeedEpisode])
         reward: RewardFunction | None = None,
         render_mode: Literal["rgb_array"] | None = None,
         rendered_envs: int | None = None,
+        track_forces: bool = False,
         **settings: Any,
     ) -> None:
         super().__init__(
@@ -318,4 +337,5 @@ class SpeedTrackingVectorEnv(TrackedVehicleVectorEnv[SpeedConfig, SpeedEpisode])
             reward=reward,
             render_mode=render_mode,
             rendered_envs=rendered_envs,
+            track_forces=track_forces,
         )

@@ -75,6 +75,22 @@ def check_rendered_envs(count: int | None, num_envs: int) -> int:
     return count
 
 
+def check_track_forces(wanted: bool, backend: ForceBackend) -> bool:
+    """Return whether infos tell track forces.
+
+    Raises
+    ------
+    ConfigurationError
+        If they are wanted of a backend that does not know the tracks apart.
+    """
+    if wanted and not backend.has_track_forces:
+        raise ConfigurationError(
+            f"track_forces=True needs a backend with has_track_forces, such as 'physics'; {backend.name!r} gives the "
+            "force of the whole vehicle"
+        )
+    return wanted
+
+
 def resolve_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     """Return an autoreset mode given as one or by name.
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..terrain import GuardedBackend
 from .batch import Batch
+from .footing import sloped_track_forces
 from .task import ConfigT, EpisodeT
 
 VectorInfo = dict[str, Any]
@@ -30,8 +31,8 @@ def reset_info(batch: Batch[ConfigT, EpisodeT], begun: _Flags) -> VectorInfo:
     return info
 
 
-def batch_info(batch: Batch[ConfigT, EpisodeT], stepped: _Flags) -> VectorInfo:
-    """Return the infos of a step where ``stepped`` holds."""
+def batch_info(batch: Batch[ConfigT, EpisodeT], stepped: _Flags, *, track_forces: bool = False) -> VectorInfo:
+    """Return the infos of a step where ``stepped`` holds, what acts on each track among them where asked for."""
     fleet = batch.fleet
     info = _measures(batch, stepped)
     moved = stepped
@@ -43,6 +44,8 @@ def batch_info(batch: Batch[ConfigT, EpisodeT], stepped: _Flags) -> VectorInfo:
     if not moved.any():
         return info
     _put(info, "force", fleet.record.forces, moved)
+    if track_forces:
+        info |= _track_info(batch, moved)
     names = np.full(len(batch), fleet.backend.name, dtype=object)
     if isinstance(fleet.backend, GuardedBackend):
         names[:] = fleet.backend.primary.name
@@ -55,6 +58,23 @@ def batch_info(batch: Batch[ConfigT, EpisodeT], stepped: _Flags) -> VectorInfo:
     for name, values in zip(batch.term_names, batch.terms.T, strict=True):
         _put(terms, name, values, moved)
     return info | {"reward_terms": terms, "_reward_terms": moved.copy()}
+
+
+def _track_info(batch: Batch[ConfigT, EpisodeT], moved: _Flags) -> VectorInfo:
+    """The force block once more, and without rolling resistance: the engine keeps the sum over the tracks alone."""
+    backend, records = batch.fleet.backend, [batch.record(index) for index in np.flatnonzero(moved).tolist()]
+    left = np.array([record.row for record in records])
+    right = np.array([record.footing.right_row(record.row) for record in records])
+    ratio = np.array([record.footing.gravity.load_ratio for record in records])
+    forces, power = np.zeros((len(batch), 2, 3)), np.zeros(len(batch))
+    forces[moved] = sloped_track_forces(backend, left, right, ratio, rolling=True)
+    shear = sloped_track_forces(backend, left, right, ratio, rolling=False)
+    # Row by row: a product over all rows would round otherwise than a single environment's.
+    power[moved] = [row[5:7] @ tracks[:, 0] for row, tracks in zip(left, shear, strict=True)]
+    info: VectorInfo = {}
+    _put(info, "track_forces", forces, moved)
+    _put(info, "sprocket_power", power, moved)
+    return info
 
 
 def _measures(batch: Batch[ConfigT, EpisodeT], mask: _Flags) -> VectorInfo:

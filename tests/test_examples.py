@@ -25,9 +25,9 @@ BLOCKS = {
 
 
 def run(*arguments: str) -> str:
-    # Ray's own processes warn of what is none of ours.
+    # Ray's own processes warn of what is none of ours, and its sockets want a short path.
     warnings = "default" if "rllib.py" in arguments[0] else "error"
-    environment = os.environ | {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": warnings}
+    environment = os.environ | {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": warnings, "RAY_TMPDIR": "/tmp"}
     done = subprocess.run(
         [sys.executable, *arguments], capture_output=True, text=True, env=environment, cwd=ROOT, check=False
     )

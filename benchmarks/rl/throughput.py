@@ -12,6 +12,7 @@ import gymnasium
 import numpy as np
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper
 
 from grouser.envs.sb3 import make_sb3_vec_env
@@ -139,6 +140,8 @@ class Learner:
             seed=0,
             device="cpu",
         )
+        # The library's own logger makes itself a folder among the temporary files.
+        self._model.set_logger(Logger(None, []))
         self._rounds: list[tuple[float, float]] = []
 
     def round(self, rollouts: int) -> None:

@@ -8,10 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from ...surrogate import DenseNetwork
 from ...terrain import CompiledBackend, FloatArray, GrouserError
 from .absences import Absences
 from .compiled_rivals import PLAIN_FLAGS, plain_network, scalar_physics
 from .limits import Limits
+from .onnx_in_c import ONNX_IN_C, onnx_in_c, onnx_library
 from .python_rivals import RIVALS, casadi_rival
 from .subjects import BATCH, GRIDS, NETWORKS, Subjects, folded
 from .timing import Burst, Contender, statement
@@ -63,14 +65,8 @@ class Calls:
         rows, subjects = self.subjects.rows, self.subjects
         for name, backend in self._networks.items():
             yield Contender(name, OURS, _in_c(backend, rows))
-            for index, (rival, flags) in enumerate(PLAIN_FLAGS.items()):
-                if self._toolchain is None:
-                    continue
-                with self._absent.noting(rival):
-                    network = folded(backend.surrogate)
-                    library = f"plain_{name.replace('-', '_')}_{index}"
-                    compiled = plain_network(self._toolchain, self._folder, library, network, flags)
-                    yield Contender(name, rival, compiled.burst(rows))
+            if self._toolchain is not None:
+                yield from self._rivals_in_c(self._toolchain, name, folded(backend.surrogate))
         others: dict[str, CompiledBackend] = {
             "64x64 silu": subjects.native((64, 64), "silu"),
             "64x64 tanh": subjects.native((64, 64), "tanh"),
@@ -143,6 +139,16 @@ class Calls:
     def widths(self) -> dict[str, tuple[int, ...]]:
         """Return the widths of the plain networks, inputs and outputs included."""
         return {name: backend.surrogate.network.widths for name, backend in self._networks.items()}
+
+    def _rivals_in_c(self, toolchain: Toolchain, case: str, network: DenseNetwork) -> Iterator[Contender]:
+        rows, library = self.subjects.rows, case.replace("-", "_")
+        for index, (rival, flags) in enumerate(PLAIN_FLAGS.items()):
+            with self._absent.noting(rival):
+                compiled = plain_network(toolchain, self._folder, f"plain_{library}_{index}", network, flags)
+                yield Contender(case, rival, compiled.burst(rows))
+        with self._absent.noting(ONNX_IN_C):
+            called = onnx_in_c(toolchain, self._folder, f"onnx_{library}", network, rows, onnx_library())
+            yield Contender(case, ONNX_IN_C, called.burst(rows))
 
     def _rivals(self, case: str, make: Callable[..., dict[str, Any]], network: Any, rows: Any) -> Iterator[Contender]:
         made: dict[str, Any] = {}

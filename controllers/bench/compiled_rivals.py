@@ -23,7 +23,7 @@ PLAIN_FLAGS: Final = {
 SCALAR_FLAGS: Final = ("-O2", "-fno-tree-vectorize", "-ffp-contract=off", "-fno-math-errno")
 
 # As time_calls of the core: every call takes a little of the last one's force into its row.
-_TIMER: Final = """\
+TIMER: Final = """\
 #include <string.h>
 #include <time.h>
 static double now_ns(void) {
@@ -118,7 +118,7 @@ def plain_network(
     flags : tuple of str
         For the compiler.
     """
-    library = toolchain.library(folder, name, [Unit(_TIMER, ("-O2",)), Unit(plain_source(network.widths), flags)])
+    library = toolchain.library(folder, name, [Unit(TIMER, ("-O2",)), Unit(plain_source(network.widths), flags)])
     packed = b"".join(
         np.ascontiguousarray(weights.T).tobytes() + biases.tobytes()
         for weights, biases in zip(network.weights, network.biases, strict=True)
@@ -184,4 +184,4 @@ def scalar_physics(toolchain: Toolchain, folder: Path, backend: PhysicsBackend) 
     )
     flags = (*SCALAR_FLAGS, f"-I{place / 'src'}", f"-I{place / 'include'}")
     name = f"physics_{grid.along}_{grid.across}"
-    return CompiledRival(toolchain.library(folder, name, [Unit(_TIMER, ("-O2",)), Unit(text, flags)]))
+    return CompiledRival(toolchain.library(folder, name, [Unit(TIMER, ("-O2",)), Unit(text, flags)]))

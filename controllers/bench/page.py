@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from .calls import GATED, OURS, STRUCTURED
+from .onnx_in_c import ONNX_IN_C
 from .paper import TABLE_IX, TABLE_X
 from .timing import Section
 
@@ -43,6 +44,10 @@ _PAPER: Final = (
 _CEILING: Final = (
     "*At the bound* says what a kernel would reach that takes no longer than this core needs to read and multiply its "
     "weights; a target above it is out of reach here, unless weights are left out, as those of units that are zero."
+)
+_IN_C: Final = (
+    "Single samples called from C: the library through its C API, on bound memory and one thread, each call waiting for "
+    "the last."
 )
 _IX: Final = (
     "", "paper, rigid", "over its physics", "paper, soil", "over its physics", "ours, in C", "over our SIMD physics",
@@ -157,6 +162,11 @@ def _own_physics(sections: Mapping[str, Section]) -> list[str]:
 
 
 def _best_library(sections: Mapping[str, Section]) -> list[str]:
+    tables = [*_libraries_from_python(sections), *_library_in_c(sections)]
+    return ["## Against the best library", "", *tables] if tables else []
+
+
+def _libraries_from_python(sections: Mapping[str, Section]) -> list[str]:
     if "python" not in sections:
         return []
     rows = []
@@ -168,7 +178,19 @@ def _best_library(sections: Mapping[str, Section]) -> list[str]:
             rows.append([case, figure(ours), best, figure(rivals[best]), _over(rivals[best], ours), slowest,
                          _over(rivals[slowest], ours)])  # fmt: skip
     headings = ["", "`step()`, ns", "best library", "ns", "best / ours", "slowest", "slowest / ours"]
-    return ["## Against the best library", "", "Single samples called from Python.", "", *markdown(headings, rows), ""]
+    return ["Single samples called from Python.", "", *markdown(headings, rows), ""]
+
+
+def _library_in_c(sections: Mapping[str, Section]) -> list[str]:
+    section = sections.get("networks_c")
+    if section is None:
+        return []
+    rows = []
+    for case in section.figures:
+        ours, library = section.get(case, OURS), section.get(case, ONNX_IN_C)
+        if library is not None:
+            rows.append([case, figure(ours), figure(library), _over(library, ours)])
+    return [_IN_C, "", *markdown(["", "ns", ONNX_IN_C, "it / ours"], rows), ""] if rows else []
 
 
 def _section(section: Section) -> list[str]:

@@ -9,6 +9,7 @@ from typing import Any, Final
 from ...terrain import missing_extra
 from .calls import OURS
 from .compiled_rivals import PLAIN_FLAGS
+from .onnx_in_c import ONNX_IN_C
 from .subjects import NETWORKS
 from .targets import BOUND
 from .timing import Section
@@ -16,7 +17,7 @@ from .timing import Section
 # Okabe and Ito's colours, told apart without colour vision.
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999999", "#000000")
 _MARKERS: Final = "xsdv^*P"
-_IN_C: Final = (OURS, *PLAIN_FLAGS)
+_IN_C: Final = (OURS, *PLAIN_FLAGS, ONNX_IN_C)
 _PHYSICS: Final = (("16x4", "float64", "--"), ("16x4", "float32", "-."), ("2x1", "float64", ":"))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -111,6 +112,7 @@ def onnx_rivals(network: DenseNetwork, rows: Rows) -> dict[str, PythonRival]:
     ConfigurationError
         If onnx or onnxruntime is not installed.
     """
+    silence_onnx_runtime()
     try:
         import onnxruntime
     except ImportError as error:
@@ -133,6 +135,14 @@ def onnx_rivals(network: DenseNetwork, rows: Rows) -> dict[str, PythonRival]:
             lambda: session.run(["forces"], {"rows": rows})[0].astype(float),
         ),
     }
+
+
+def silence_onnx_runtime() -> None:
+    """Ask ONNX Runtime, before it is loaded, not to report what it is used for, unless the user has said otherwise.
+
+    By default it writes an identifier and a cache to disk and sends events while it is being timed.
+    """
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 
 def onnx_model(network: DenseNetwork, rows: int) -> bytes:

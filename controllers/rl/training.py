@@ -109,7 +109,7 @@ def train_policy(
 def _learn(model: BaseAlgorithm, recipe: Recipe, run: Run, folder: FilePath | None) -> None:
     """Let the library learn, with what happens between rollouts hung on its callback."""
     from stable_baselines3.common.callbacks import BaseCallback
-    from stable_baselines3.common.logger import configure
+    from stable_baselines3.common.logger import Logger, configure
 
     class BetweenRollouts(BaseCallback):
         def _on_training_start(self) -> None:
@@ -122,9 +122,8 @@ def _learn(model: BaseAlgorithm, recipe: Recipe, run: Run, folder: FilePath | No
         def _on_step(self) -> bool:
             return True
 
-    model.set_logger(
-        configure(None if folder is None else str(folder / BOARD), [] if folder is None else ["tensorboard"])
-    )
+    # The library's own logger makes itself a folder among the temporary files, even where it writes nothing.
+    model.set_logger(Logger(None, []) if folder is None else configure(str(folder / BOARD), ["tensorboard"]))
     left = recipe.n_timesteps - run.first
     model.learn(left, callback=BetweenRollouts(), reset_num_timesteps=run.first == 0, log_interval=10)
     run.finish()

@@ -40,6 +40,9 @@ KERNEL_HEADER: Final = "include/grouser/kernel.h"
 
 # GROUSER_PANEL of the core's dense.h.
 _PANEL: Final = 16
+# Floats that its kernels store at once at the widest. Narrower layers never come there, and gcc, which cannot know,
+# would warn of the bounds.
+_LEAST_WIDTH: Final = 64
 
 # The block asks for its path by name: without the exact one, both names are the soft one's.
 _NO_EXACT_PATH: Final = """\
@@ -61,7 +64,7 @@ def limits(widths: tuple[int, ...], wheels: int) -> dict[str, int]:
     """
     return {
         "GROUSER_MAX_LAYERS": len(widths) - 1,
-        "GROUSER_MAX_WIDTH": padded(max(widths)),
+        "GROUSER_MAX_WIDTH": padded(max(*widths, _LEAST_WIDTH)),
         # Three units a wheel, a whole number of panels together.
         "GROUSER_MAX_WHEELS": padded(wheels),
     }

@@ -32,8 +32,8 @@ PATH, SPEED = "grouser/PathTracking-v0", "grouser/SpeedTracking-v0"
 COARSE: dict[str, Any] = {"backend": "physics", "backend_options": {"cells": (2, 1)}}
 both_tasks = pytest.mark.parametrize("name", [PATH, SPEED])
 both_modes = pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-#: Of the single environment's info, what the batched one leaves out.
-LEFT_OUT = {f"{mask}{name}" for mask in ("", "_") for name in ("track_forces", "sprocket_power")}
+#: Of the single environment's info, what the batched one leaves out unless asked for.
+LEFT_OUT = frozenset(f"{mask}{name}" for mask in ("", "_") for name in ("track_forces", "sprocket_power"))
 
 
 class Checkered:
@@ -56,12 +56,12 @@ def actions(count: int, steps: int, seed: int = 0) -> NDArray[np.float32]:
     return np.random.default_rng(seed).uniform(-1.0, 1.0, (steps, count, 2)).astype(np.float32)
 
 
-def assert_equal(ours: Any, theirs: Any) -> None:
+def assert_equal(ours: Any, theirs: Any, left_out: frozenset[str] = LEFT_OUT) -> None:
     """Assert that two infos are equal to the bit, but for what is left out."""
     if isinstance(theirs, dict):
-        assert set(ours) == set(theirs) - LEFT_OUT
+        assert set(ours) == set(theirs) - left_out
         for key, value in ours.items():
-            assert_equal(value, theirs[key])
+            assert_equal(value, theirs[key], left_out)
     elif theirs.dtype == object:
         assert len(ours) == len(theirs)
         assert all(np.array_equal(a, b) for a, b in zip(ours, theirs, strict=True))
@@ -70,18 +70,18 @@ def assert_equal(ours: Any, theirs: Any) -> None:
         assert np.array_equal(ours, theirs)
 
 
-def assert_same_drives(ours: Any, theirs: Any, steps: int, seed: int = 5) -> int:
+def assert_same_drives(ours: Any, theirs: Any, steps: int, seed: int = 5, left_out: frozenset[str] = LEFT_OUT) -> int:
     """Drive two vector environments side by side and return how many episodes ended."""
     (observations, infos), (expected, expected_infos) = ours.reset(seed=seed), theirs.reset(seed=seed)
     assert observations.tobytes() == expected.tobytes()
-    assert_equal(infos, expected_infos)
+    assert_equal(infos, expected_infos, left_out)
     ended = 0
     for action in actions(ours.num_envs, steps):
         outcome, reference = ours.step(action), theirs.step(action)
         for part, wanted in zip(outcome[:4], reference[:4], strict=True):
             assert part.dtype == wanted.dtype
             assert part.tobytes() == wanted.tobytes()
-        assert_equal(outcome[4], reference[4])
+        assert_equal(outcome[4], reference[4], left_out)
         ended += int((outcome[2] | outcome[3]).sum())
     return ended
 
@@ -122,6 +122,25 @@ class TestEqualsSingleEnvironments:
         options = COARSE | {"terrain": field, "ground_sampling": sampling, "bank": 0.05}
         theirs = gymnasium.make_vec(PATH, num_envs=2, vectorization_mode="sync", **options)
         assert_same_drives(make(PATH, 2, **options), theirs, steps=20)
+
+    @both_modes
+    @pytest.mark.parametrize(
+        "backend", [COARSE, {"backend": "native", "backend_options": None}], ids=["physics", "native"]
+    )
+    @pytest.mark.parametrize("sampling", ["vehicle", "tracks"])
+    def test_track_forces_where_asked_for(self, sampling: str, backend: dict[str, Any], mode: str) -> None:
+        patch = Patch(named("ice"), Disc(8.0, 1.0, 6.0))
+        field = paint_field(named("asphalt"), (-20.0, 160.0, -20.0, 25.0), spacing=1.0, patches=[patch])
+        options = backend | {"terrain": field, "ground_sampling": sampling, "bank": 0.05, "time_limit": 0.5}
+        theirs = gymnasium.make_vec(
+            PATH, num_envs=3, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **options
+        )
+        ours = make(PATH, 3, autoreset_mode=mode, track_forces=True, **options)
+        assert assert_same_drives(ours, theirs, steps=12, left_out=frozenset()) >= 3
+
+    def test_track_forces_of_a_backend_that_knows_none_are_refused(self) -> None:
+        with pytest.raises(ConfigurationError, match="has_track_forces"):
+            make(PATH, backend="guarded", backend_options=None, track_forces=True)
 
     @both_tasks
     @pytest.mark.parametrize("mode", ["rigid", "soil"])

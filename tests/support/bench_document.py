@@ -16,6 +16,7 @@ def bench_document() -> dict[str, Any]:
         sections["networks_c"].add(name, "plain C, -O2", 1600.0)
         sections["networks_c"].add(name, "plain C, -O3 -march=native -ffast-math", 400.0)
     sections["networks_c"].add("structured + detector", "grouser", 200.0)
+    sections["networks_c"].add("64x64", "ONNX Runtime, C API", 1760.0)
     for grid, time in (("2x1", 300.0), ("16x4", 2000.0)):
         sections["physics_c"].add(grid, "float64", time)
     for name, time in (("grouser, bound step()", 100.0), ("ONNX Runtime, bound", 3000.0), ("NumPy", 4000.0)):

@@ -34,6 +34,7 @@ def test_the_page_leads_with_targets_our_own_physics_and_the_best_library() -> N
     assert headings[:3] == ["What it was to reach", "Against our own SIMD physics", "Against the best library"]
     assert headings[-2:] == ["The paper's figures beside ours", "Not measured here"]
     assert "| 64x64 | 100 | ONNX Runtime, bound | 3,000 | 30 | NumPy | 40 |" in text
+    assert "| 64x64 | 80 | 1,760 | 22 |" in text
     assert "| structured + detector | 200 | 10 | – | 1.50 |" in text
     assert "| 64x64 | 3.64 | 6.46 | 3.51 | 7.10 | 0.08 | 25 |" in text
     assert "**missed**" in text

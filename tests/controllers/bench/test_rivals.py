@@ -1,17 +1,23 @@
 """Every rival computes the forces of the network, or of the physics, that it is timed against."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from grouser.controllers.bench import limits as limits_module
+from grouser.controllers.bench import onnx_in_c as onnx_module
 from grouser.controllers.bench.absences import Absences
 from grouser.controllers.bench.calls import Calls
 from grouser.controllers.bench.compiled_rivals import PLAIN_FLAGS, plain_network, scalar_physics
 from grouser.controllers.bench.driving_network import driving_network
 from grouser.controllers.bench.limits import PEAK, READS, Limits, bound, products
+from grouser.controllers.bench.onnx_in_c import onnx_in_c, onnx_library
 from grouser.controllers.bench.python_rivals import PythonRival, casadi_rival, numpy_rival, onnx_rivals, torch_rivals
 from grouser.controllers.bench.subjects import Subjects, folded
 from grouser.controllers.bench.timing import Effort, Section, measure
@@ -75,6 +81,85 @@ def test_plain_c(
     rival = plain_network(toolchain, tmp_path, f"plain{flags[0]}", folded(surrogate), flags)
     close(rival.forces(subjects.rows[:9]), oracle(surrogate, subjects.rows[:9]))
     assert rival.burst(subjects.rows)(3) > 0
+
+
+def test_onnx_runtime_called_from_c(
+    toolchain: Toolchain, surrogate: Surrogate, subjects: Subjects, tmp_path: Path
+) -> None:
+    for package in ("onnx", "onnxruntime"):
+        pytest.importorskip(package)
+    rival = onnx_in_c(toolchain, tmp_path, "onnx", folded(surrogate), subjects.rows[:9], onnx_library())
+    close(rival.forces(subjects.rows[9:20]), oracle(surrogate, subjects.rows[9:20]))
+    assert rival.burst(subjects.rows)(3) > 0
+
+
+def test_onnx_runtime_neither_reports_nor_leaves_files(tmp_path: Path) -> None:
+    for package in ("onnx", "onnxruntime"):
+        pytest.importorskip(package)
+    code = """
+import numpy as np
+from grouser.controllers.bench.python_rivals import onnx_rivals
+from grouser.surrogate import random_network
+
+onnx_rivals(random_network((10, 4, 3), "relu", np.random.default_rng(0)), np.zeros((1, 10), np.float32))
+"""
+    environment = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
+    subprocess.run([sys.executable, "-P", "-c", code], check=True, env=environment | {"TMPDIR": str(tmp_path)})
+    assert not list(tmp_path.iterdir())
+
+
+# Functions that all answer with success, but those whose places are given here.
+PRETENDED = """
+typedef void function(void);
+static void *succeed(void) { return 0; }
+static void *fail(void) { return "it would rather not"; }
+static function *table[200];
+static function *const *functions(unsigned version) {
+  for (int n = 0; n < 200; n++) table[n] = (function *)succeed;
+  table[2] = (function *)fail;
+  %s
+}
+static const char *version(void) { return "0.1"; }
+static const struct { function *const *(*functions)(unsigned); const char *(*version)(void); } base = {functions, version};
+const void *OrtGetApiBase(void) { return &base; }
+"""
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [
+        ("return 0;", "refuses: version 0.1 has no C API 20"),
+        ("table[8] = (function *)fail; return table;", "refuses: it would rather not"),
+        ("return table;", "off by 1.0e"),
+    ],
+    ids=["too old", "model refused", "nothing computed"],
+)
+def test_an_onnx_runtime_that_does_not_do_its_work_is_not_timed(
+    answer: str,
+    reason: str,
+    toolchain: Toolchain,
+    surrogate: Surrogate,
+    subjects: Subjects,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(onnx_module, "onnx_model", lambda *_: b"model")
+    toolchain.library(tmp_path, "pretended", [Unit(PRETENDED % answer, ("-O2",))])
+    with pytest.raises(ConfigurationError, match=reason):
+        onnx_in_c(toolchain, tmp_path, "caller", folded(surrogate), subjects.rows, tmp_path / "pretended.so")
+
+
+def test_where_onnx_runtime_is_not_installed_it_says_how_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(onnx_module, "find_spec", lambda name: None)
+    with pytest.raises(ConfigurationError, match=r"onnxruntime.*bench"):
+        onnx_library()
+
+
+def test_an_onnxruntime_without_a_library_of_its_own_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    package = ModuleSpec("onnxruntime", None, origin=str(tmp_path / "__init__.py"))
+    monkeypatch.setattr(onnx_module, "find_spec", lambda name: package)
+    with pytest.raises(ConfigurationError, match="no library that C could call"):
+        onnx_library()
 
 
 def test_scalar_physics(toolchain: Toolchain, subjects: Subjects, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
+import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -73,6 +74,14 @@ def weights(policy: Policy) -> dict[str, bytes]:
         if policy.normalizer is None
         else found | {name: array.tobytes() for name, array in policy.normalizer.to_tensors().items()}
     )
+
+
+def test_without_a_folder_the_library_makes_none_of_its_own(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    train_policy(replace(PLAN, recipe=replace(PPO, n_timesteps=128)))
+    assert not list(tmp_path.glob("SB3-*"))
 
 
 class Stopped(Exception):

@@ -1,6 +1,7 @@
 """What compilers, linkers and sanitizers say of the exported files."""
 
 import os
+import platform
 import re
 import subprocess
 from collections.abc import Callable
@@ -21,6 +22,12 @@ COMPILERS = {
     "gcc-c++17": (GCC, ("-x", "c++", "-std=c++17")),
     "clang-c99": (CLANG, ("-std=c99",)),
     "clang-c++17": (CLANG, ("-x", "c++", "-std=c++17")),
+}
+#: The vectors that a level brings change the code; what gcc says of bounds, it says when it optimizes.
+WIDER = {
+    "gcc-v4": (GCC, ("-O2", "-march=x86-64-v4", "-S", "-o", os.devnull)),
+    "clang-v3": (CLANG, ("-march=x86-64-v3", "-fsyntax-only")),
+    "clang-v4": (CLANG, ("-march=x86-64-v4", "-fsyntax-only")),
 }
 #: What the export may ask of the C library.
 LIBRARY = {
@@ -52,6 +59,15 @@ def test_no_compiler_warns(code: Exported, compiler: str) -> None:
     if program is None:
         pytest.skip(f"{compiler.split('-')[0]} is not installed")
     compiled([program, *language, *WARNINGS, "-fsyntax-only", code.source.name, "selftest.c"], code.folder)
+
+
+@each_family
+@pytest.mark.parametrize("compiler", WIDER)
+def test_no_compiler_warns_of_wider_vectors(code: Exported, compiler: str) -> None:
+    program, flags = WIDER[compiler]
+    if program is None or platform.machine() not in ("x86_64", "AMD64"):
+        pytest.skip(f"{compiler.split('-')[0]} is not installed, or this is no x86-64")
+    compiled([program, "-std=c99", *flags, *WARNINGS, code.source.name], code.folder)
 
 
 @each_family
