@@ -25,7 +25,6 @@ typedef int32_t grouser_bits __attribute__((vector_size(16)));
 #else
 enum { GROUSER_FLOATS = 1 };
 typedef float grouser_lanes;
-typedef int32_t grouser_bits;
 #define GROUSER_INLINE static inline
 #endif
 
@@ -70,18 +69,6 @@ GROUSER_INLINE grouser_lanes lanes_fma(grouser_lanes a, grouser_lanes b, grouser
 #endif
 }
 
-GROUSER_INLINE grouser_bits lanes_bits(grouser_lanes a) {
-  grouser_bits bits;
-  memcpy(&bits, &a, sizeof bits);
-  return bits;
-}
-
-GROUSER_INLINE grouser_lanes lanes_from_bits(grouser_bits bits) {
-  grouser_lanes a;
-  memcpy(&a, &bits, sizeof a);
-  return a;
-}
-
 /* a where below < above, else b; a NaN among them chooses b. */
 GROUSER_INLINE grouser_lanes lanes_where_less(grouser_lanes below, grouser_lanes above, grouser_lanes a,
                                               grouser_lanes b) {
@@ -90,7 +77,7 @@ GROUSER_INLINE grouser_lanes lanes_where_less(grouser_lanes below, grouser_lanes
                                              (__m512)a);
 #elif defined(__GNUC__)
   const grouser_bits chosen = below < above;
-  return lanes_from_bits((chosen & lanes_bits(a)) | (~chosen & lanes_bits(b)));
+  return (grouser_lanes)((chosen & (grouser_bits)a) | (~chosen & (grouser_bits)b));
 #else
   return below < above ? a : b;
 #endif
