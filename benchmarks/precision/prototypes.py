@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,6 @@ LEVEL_FLAGS: Final = (
     *("-O3", "-mavx512f", "-mavx512dq", "-mavx512bw", "-mavx512vl", "-mfma", "-mprefer-vector-width=512"),
     *("-ffp-contract=off", "-fno-math-errno"),
 )
-Listing = Literal["", "sixteen at a time", "one by one"]
-# In the order of the C files' enumeration.
-_LISTINGS: Final[tuple[Listing, ...]] = ("", "sixteen at a time", "one by one")
 _LANES: Final = 16
 _ALIGNMENT: Final = 64
 #: What the processor may have, by the function that tells.
@@ -49,8 +46,8 @@ class Prototype:
         That it holds the network in.
     inputs_a_word : int
         Neighbouring inputs that stand side by side for each output, behind the first layer; 1 where rows of outputs do.
-    listing : {"", "sixteen at a time", "one by one"}
-        How it lists the inputs that are not zero, if it leaves out the others.
+    skipping : bool
+        Whether it leaves out the inputs that are zero.
     needs : str
         What the processor has to have.
     """
@@ -59,14 +56,14 @@ class Prototype:
     source: str
     kind: Format
     inputs_a_word: int = 1
-    listing: Listing = ""
+    skipping: bool = False
     needs: str = AVX512
 
     @property
     def flags(self) -> tuple[str, ...]:
         """For the compiler."""
         extra = {AVX512_BF16: ("-mavx512bf16",), AVX512_VNNI: ("-mavx512vnni",)}.get(self.needs, ())
-        skip = () if self.inputs_a_word > 1 else (f"-DSKIP={_LISTINGS.index(self.listing)}",)
+        skip = () if self.inputs_a_word > 1 else (f"-DSKIP={int(self.skipping)}",)
         return (*LEVEL_FLAGS, *extra, *skip, f"-I{_SOURCES}")
 
     def layers(self, surrogate: Surrogate) -> list[Layer]:
@@ -102,7 +99,7 @@ class Prototype:
             Unit((_SOURCES / "timer.c").read_text(encoding="utf-8"), ("-O2",)),
             Unit((_SOURCES / f"{self.source}.c").read_text(encoding="utf-8"), self.flags),
         ]
-        stem = f"{self.source}_{_LISTINGS.index(self.listing)}"
+        stem = f"{self.source}_{int(self.skipping)}"
         if not (folder / f"{stem}.so").exists():
             toolchain.library(folder, stem, units)
         # A copy has a network of its own.
@@ -222,15 +219,13 @@ _CODES: Final[dict[str, Callable[[Floats], tuple[NDArray[Any], Floats | None]]]]
 _BFLOAT16_DOT: Final = Format("bfloat16", "bfloat16", first=False)
 _INT8_DOT: Final = Format("int8", "int8", first=False)
 SKIPPING: Final = ", skipping"
-_WAYS: Final[tuple[tuple[str, Listing], ...]] = (("", ""), (SKIPPING, "sixteen at a time"))
 PROTOTYPES: Final = (
     *(
-        Prototype(f"{kind.weights}{suffix}", kind.weights, kind, listing=listing)
+        Prototype(f"{kind.weights}{suffix}", kind.weights, kind, skipping=bool(suffix))
         for kind in FORMATS.values()
         if kind.activations == "float32"
-        for suffix, listing in _WAYS
+        for suffix in ("", SKIPPING)
     ),
-    Prototype(f"float32{SKIPPING}, listed one by one", "float32", FLOAT32, listing="one by one"),
     Prototype("bfloat16, vdpbf16ps", "bfloat16_dot", _BFLOAT16_DOT, 2, needs=AVX512_BF16),
     Prototype("int8, vpdpbusd", "int8_dot", _INT8_DOT, 4, needs=AVX512_VNNI),
 )

@@ -5,9 +5,6 @@
 
 #include "network.h"
 
-/* What SKIP may be: how the inputs that are not zero are listed. */
-enum { NOTHING = 0, SIXTEEN_AT_A_TIME = 1, ONE_BY_ONE = 2 };
-
 /* `places` lists the inputs that are read, NULL for all of them in turn. */
 INLINE void panel(const layer *by, const float *in, const int *places, int count, float *out, int done, int rectified,
                   const int vectors, const int chains) {
@@ -55,13 +52,6 @@ INLINE void panels(const layer *by, const float *in, const int *places, int coun
 /* Lists the inputs that are not zero, and returns how many there are. Hidden layers are padded with zeros. */
 INLINE int find_active(const float *in, int inputs, int *places) {
   int count = 0;
-  if (SKIP == ONE_BY_ONE) {
-    for (int i = 0; i < inputs; i++) {
-      places[count] = i;
-      count += in[i] != 0;
-    }
-    return count;
-  }
   __m512i at = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
   for (int i = 0; i < inputs; i += LANES) {
     const __mmask16 active = _mm512_cmp_ps_mask(_mm512_load_ps(in + i), _mm512_setzero_ps(), _CMP_NEQ_UQ);
@@ -75,7 +65,7 @@ INLINE int find_active(const float *in, int inputs, int *places) {
 INLINE void widening_affine(int index, const float *in, float *out, int rectified) {
   const layer *by = &net.at[index];
   int places[MOST_WIDTH + LANES];
-  if (SKIP != NOTHING && index > 0)
+  if (SKIP && index > 0)
     panels(by, in, places, find_active(in, by->inputs, places), out, rectified);
   else
     panels(by, in, NULL, by->inputs, out, rectified);
