@@ -47,8 +47,10 @@ void grouser_deck_enter(grouser_deck *deck, const grouser_plant *plant, int colu
                                               plant->tolerance));
 }
 
-void grouser_deck_move(grouser_deck *from, int lane, grouser_deck *to, int free_lane, int columns, int split) {
-  for (int n = 0; n < columns; n++) {
+void grouser_deck_move(grouser_deck *from, int lane, grouser_deck *to, int free_lane, const grouser_kernel *kernel,
+                       int split) {
+  for (int r = 0; r < kernel->prepared_rows; r++) to->prepared[r][free_lane] = from->prepared[r][lane];
+  for (int n = 0; n < kernel->columns; n++) {
     to->left.column[n][free_lane] = from->left.column[n][lane];
     if (split) to->right.column[n][free_lane] = from->right.column[n][lane];
   }
@@ -96,7 +98,8 @@ static void evaluate(grouser_deck *deck, const grouser_plant *plant, const grous
   int busy = 0;
   for (int l = 0; l < GROUSER_BLOCK; l++) busy += deck->active[l] != 0;
   if (kernel->evaluate_block && !(kernel->evaluate_body && busy <= FEW_LANES))
-    kernel->evaluate_block(kernel->self, &deck->left, split ? &deck->right : &deck->left, wanted, &deck->forces);
+    kernel->evaluate_block(kernel->self, &deck->left, split ? &deck->right : &deck->left,
+                           (const double(*)[GROUSER_BLOCK])deck->prepared, wanted, &deck->forces);
   else
     evaluate_lanes(deck, kernel, split, wanted);
 }
@@ -155,6 +158,8 @@ static int wants_slopes(const grouser_plant *plant) { return plant->integrator !
 void grouser_deck_open(grouser_deck *deck, const grouser_plant *plant, const grouser_kernel *kernel) {
   const double gain = gain_of(plant);
   const int want_slopes = wants_slopes(plant);
+  if (kernel->prepare_block)
+    kernel->prepare_block(kernel->self, &deck->left, plant->sampling.tracks ? &deck->right : &deck->left, deck->prepared);
   evaluate(deck, plant, kernel, want_slopes ? GROUSER_LEADING_SLOPES : GROUSER_NO_SLOPES);
   load_forces(deck);
   for (int l = 0; want_slopes && l < GROUSER_BLOCK; l++) {

@@ -9,6 +9,7 @@
 typedef struct {
   grouser_block_rows left, right;
   grouser_block_forces forces;
+  double prepared[GROUSER_MAX_PREPARED][GROUSER_BLOCK]; /* by the kernel */
   double anchor[3][GROUSER_BLOCK], pull[2][GROUSER_BLOCK], load_ratio[GROUSER_BLOCK], yaw_inertia[GROUSER_BLOCK];
   double inverse[3][3][GROUSER_BLOCK];
   double step[3][GROUSER_BLOCK];                          /* the next one */
@@ -28,7 +29,8 @@ void grouser_deck_enter(grouser_deck *deck, const grouser_plant *plant, int colu
                         const grouser_tick_start *start);
 
 /* Moves a tick to another lane, of this deck or of another one that has opened, too. */
-void grouser_deck_move(grouser_deck *from, int lane, grouser_deck *to, int free_lane, int columns, int split);
+void grouser_deck_move(grouser_deck *from, int lane, grouser_deck *to, int free_lane, const grouser_kernel *kernel,
+                       int split);
 
 /* Evaluates forces and slopes of lanes that have just entered, and the step that they ask for. */
 void grouser_deck_open(grouser_deck *deck, const grouser_plant *plant, const grouser_kernel *kernel);

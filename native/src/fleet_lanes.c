@@ -72,7 +72,7 @@ static int proceed(crew *c, int d) {
 static int decks_for(int ticks) { return (ticks + GROUSER_BLOCK - 1) / GROUSER_BLOCK; }
 
 /* Brings the ticks that are left together on as few decks as they need, and returns how many. */
-static int gather(crew *c, int decks, int left, int columns) {
+static int gather(crew *c, int decks, int left, const grouser_kernel *kernel) {
   const int needed = decks_for(left), split = c->fleet->plant->sampling.tracks;
   int free_lane = 0;
   for (int from = needed * GROUSER_BLOCK; from < decks * GROUSER_BLOCK; from++) {
@@ -80,7 +80,7 @@ static int gather(crew *c, int decks, int left, int columns) {
     if (!deck->active[from % GROUSER_BLOCK]) continue;
     while (c->deck[free_lane / GROUSER_BLOCK].active[free_lane % GROUSER_BLOCK]) free_lane++;
     const int d = free_lane / GROUSER_BLOCK, l = free_lane % GROUSER_BLOCK;
-    grouser_deck_move(deck, from % GROUSER_BLOCK, &c->deck[d], l, columns, split);
+    grouser_deck_move(deck, from % GROUSER_BLOCK, &c->deck[d], l, kernel, split);
     c->seated[d][l] = c->seated[from / GROUSER_BLOCK][from % GROUSER_BLOCK];
   }
   return needed;
@@ -99,7 +99,7 @@ static void solve_together(crew *c, const company *ticks) {
     left += proceed(c, d);
   }
   while (left > 0) {
-    decks = gather(c, decks, left, columns);
+    decks = gather(c, decks, left, ticks->kernel);
     left = 0;
     for (int d = 0; d < decks; d++) {
       grouser_deck_follow(&c->deck[d], plant, ticks->kernel);

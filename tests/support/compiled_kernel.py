@@ -38,6 +38,7 @@ class _Kernel(ctypes.Structure):
                 ctypes.c_void_p,
                 ctypes.POINTER(_Rows),
                 ctypes.POINTER(_Rows),
+                _double_p,
                 ctypes.c_int,
                 ctypes.POINTER(_Forces),
             ),
@@ -47,6 +48,11 @@ class _Kernel(ctypes.Structure):
             "evaluate_body",
             ctypes.CFUNCTYPE(None, ctypes.c_void_p, _double_p, _double_p, ctypes.c_int, _double_p, _double_p),
         ),
+        (
+            "prepare_block",
+            ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Rows), ctypes.POINTER(_Rows), _double_p),
+        ),
+        ("prepared_rows", ctypes.c_int),
     )
 
 
@@ -77,7 +83,10 @@ def block_forces(
             each.column[column][:] = values.tolist()
         rows.append(each)
     out = _Forces()
-    kernel.evaluate_block(kernel.self, rows[0], rows[1], wanted, out)
+    prepared = np.empty((kernel.prepared_rows, BLOCK)).ctypes.data_as(_double_p)
+    if kernel.prepare_block:
+        kernel.prepare_block(kernel.self, rows[0], rows[1], prepared)
+    kernel.evaluate_block(kernel.self, rows[0], rows[1], prepared, wanted, out)
     return np.array(out.force).T, np.moveaxis(np.array(out.slope), -1, 0)
 
 
