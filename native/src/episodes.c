@@ -110,14 +110,14 @@ static void step_range(const grouser_episodes *e, int first, int end) {
   }
   /* Where the last tick began matters to the slip power only on ground that varies; a fleet is faster undivided. */
   const int last_ticks = ground_varies(e, first, end) ? 1 : e->ticks;
-  if (last_ticks < e->ticks) grouser_fleet_advance_range(fleet, e->commands, e->ticks - last_ticks, first, end);
+  if (last_ticks < e->ticks) fleet->advance_lanes(fleet, e->commands, e->ticks - last_ticks, first, end);
   for (int vehicle = first; vehicle < end; vehicle++) {
     double *pose = e->poses + 3 * (size_t)vehicle;
     pose[0] = state_of(fleet, GROUSER_STATE_X, vehicle);
     pose[1] = state_of(fleet, GROUSER_STATE_Y, vehicle);
     pose[2] = state_of(fleet, GROUSER_STATE_HEADING, vehicle);
   }
-  grouser_fleet_advance_range(fleet, e->commands, last_ticks, first, end);
+  fleet->advance_lanes(fleet, e->commands, last_ticks, first, end);
   for (int vehicle = first; vehicle < end; vehicle++) {
     if (!e->idle[vehicle]) {
       assess(e, vehicle);

@@ -14,6 +14,9 @@
 #include "track_net_block.c"
 #include "detector.c"
 #include "gated.c"
+#include "fleet_block.c"
+#include "fleet_deck.c"
+#include "fleet_lanes.c"
 
 #include "level.h"
 
@@ -157,4 +160,4 @@ static grouser_kernel gated_kernel(const grouser_gated *gated) {
 
 extern const grouser_level GROUSER_LEVEL_TABLE;
 const grouser_level GROUSER_LEVEL_TABLE = {GROUSER_LEVEL_NAME, physics_kernel, mlp_kernel, gated_kernel,
-                                                  track_net_kernel};
+                                                  track_net_kernel, grouser_fleet_advance_lanes};

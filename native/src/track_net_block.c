@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "grouser/track_net.h"
+#include "lane_loop.h"
 #include "load.h"
 #include "shear_point.h"
 
@@ -39,6 +40,7 @@ static void slip_of_block(const grouser_track_net *net, const grouser_block_rows
   const grouser_physics *block = &net->block;
   const double sign = side_sign(side), half_tread = block->tread / 2, center = block->contact_center;
   const double *belt = belt_in(rows, side);
+  GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) {
     grouser_slip s;
     grouser_move_slip(&s, rows->column[GROUSER_VX][l], sign * rows->column[GROUSER_VY][l],
@@ -60,6 +62,7 @@ GROUSER_INLINE grouser_slip lane_slip(const block_shear *shear, const lane_row *
 GROUSER_INLINE void sizes_of_block(const grouser_track_net *net, const lane_row *prepared, const block_shear *shear,
                                    double end, lane_row size) {
   const double width_square = part_of(net, 0).width_square;
+  GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) size[l] = grouser_slip_size(lane_slip(shear, prepared, l), end, width_square);
 }
 
@@ -72,6 +75,7 @@ GROUSER_INLINE void shear_of_block(const grouser_track_net *net, const lane_row 
     const double *rear = sizes[j % 2], *front = sizes[(j + 1) % 2];
     if (j == 0 || part.rear != part_of(net, j - 1).front) sizes_of_block(net, prepared, shear, part.rear, sizes[j % 2]);
     sizes_of_block(net, prepared, shear, part.front, sizes[(j + 1) % 2]);
+    GROUSER_LANE_LOOP
     for (int l = 0; l < LANES; l++) {
       const grouser_shear_point p = grouser_shear_between(lane_slip(shear, prepared, l), part, rear[l], front[l]);
       shear->x[j][l] = p.x;
@@ -85,6 +89,7 @@ GROUSER_INLINE void shear_of_block(const grouser_track_net *net, const lane_row 
       shear->y_by[2][j][l] = p.y_by_yaw;
     }
   }
+  GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) {
     const grouser_gate g = grouser_gate_of(lane_slip(shear, prepared, l), block->tread / 2, block->contact_center,
                                            block->contact_length / 2, net->half_travel);
@@ -109,9 +114,11 @@ static void shares_of_block(const grouser_track_net *net, const grouser_block_ro
   double spread = 0;
   lane_row total;
   for (int i = 0; i < count; i++) spread += grouser_element_arm(block, i) * grouser_element_arm(block, i);
+  GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) total[l] = 0;
   for (int i = 0; i < count; i++) {
     const double gain = spread > 0 ? grouser_element_arm(block, i) / spread : 0.0;
+    GROUSER_LANE_LOOP
     for (int l = 0; l < LANES; l++) {
       const double lean = lean_slope * rows->column[GROUSER_AX][l] - block->contact_center;
       const double raw = 1.0 / count + gain * lean;
@@ -121,6 +128,7 @@ static void shares_of_block(const grouser_track_net *net, const grouser_block_ro
     }
   }
   for (int i = 0; i < count; i++)
+    GROUSER_LANE_LOOP
     for (int l = 0; l < LANES; l++) share[i][l] /= total[l];
 }
 
@@ -132,20 +140,24 @@ static void load_block(const grouser_track_net *net, const grouser_block_rows *r
   const double area = block->element_length * block->track_width, weight = block->mass * block->gravity;
   const double transfer = -side_sign(side) * (block->mass * block->cg_height / block->tread);
   const double *strength = rows->column[GROUSER_TERRAIN], *angle = rows->column[GROUSER_TERRAIN + 1];
+  GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) {
     const double load = weight / 2 + transfer * rows->column[GROUSER_AY][l];
     track_load[l] = load < 0 ? 0.0 : load > weight ? weight : load;
   }
   if (block->mode == GROUSER_RIGID) {
     for (int i = 0; i < count; i++)
+      GROUSER_LANE_LOOP
       for (int l = 0; l < LANES; l++) stress[i][l] = strength[l] * (track_load[l] * share[i][l] / area) * area;
     return;
   }
   lane_row tangent;
   const double full_contact = GROUSER_COHESION_FADE * block->mass * block->gravity / (2 * count);
   /* Vehicles mostly share their ground, and the tangent is the dearest part. */
+  GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) tangent[l] = l > 0 && angle[l] == angle[l - 1] ? tangent[l - 1] : tan(angle[l]);
   for (int i = 0; i < count; i++)
+    GROUSER_LANE_LOOP
     for (int l = 0; l < LANES; l++) {
       const double load = track_load[l] * share[i][l], pressure = load / area;
       const double fade = load < full_contact ? load / full_contact : 1.0;
@@ -154,11 +166,13 @@ static void load_block(const grouser_track_net *net, const grouser_block_rows *r
 }
 
 /* What the wheels make of the shear at one point. */
-static void weigh_point(const lane_row *stress, const double by[GROUSER_MAX_WHEELS][GROUSER_POINTS], int wheels,
+GROUSER_INLINE void weigh_point(const lane_row *stress, const double by[GROUSER_MAX_WHEELS][GROUSER_POINTS], int wheels,
                         int point, double *to) {
+  GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) to[l] = 0;
   for (int i = 0; i < wheels; i++) {
     const double gain = by[i][point];
+    GROUSER_LANE_LOOP
     for (int l = 0; l < LANES; l++) to[l] += stress[i][l] * gain;
   }
 }
@@ -170,6 +184,7 @@ static void prepare_side(const grouser_track_net *net, const grouser_block_rows 
   const double *belt = belt_in(rows, side), *modulus = rows->column[columns - 1], *rolling = rows->column[columns - 2];
   lane_row load;
   load_block(net, rows, side, share, load, prepared + STRESS);
+  GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) {
     const grouser_slip s = grouser_slip_of(0.0, 0.0, 0.0, belt[l], modulus[l], 0.0, 0.0, block->soft_speed);
     prepared[DIRECTION][l] = s.direction;
@@ -201,6 +216,7 @@ GROUSER_INLINE void features_of_block(const grouser_track_net *net, const lane_r
                           : f == GROUSER_SHEAR ? shear->size
                                                : prepared[DIRECTION];
     float *row = in + (size_t)f * stride;
+    GROUSER_LANE_LOOP
     for (int l = 0; l < LANES; l++) row[l] = (float)((value[l] - mean) * gain);
     if (!exact) continue;
     for (int d = 0; d < GROUSER_SEEDS; d++) {
@@ -212,6 +228,7 @@ GROUSER_INLINE void features_of_block(const grouser_track_net *net, const lane_r
       const double *by = f < GROUSER_POINTS  ? shear->x_by[d][f]
                          : f < GROUSER_SHEAR ? shear->y_by[d][f - GROUSER_POINTS]
                                              : shear->size_by[d];
+      GROUSER_LANE_LOOP
       for (int l = 0; l < LANES; l++) slope[l] = (float)(by[l] * gain);
     }
   }
@@ -235,6 +252,7 @@ GROUSER_INLINE void add_track(const grouser_track_net *net, enum grouser_side si
       const double mean[3] = {p ? 0.0 : net->output_mean[i], p ? 0.0 : net->output_mean[wheels + i],
                               p ? 0.0 : net->output_mean[2 * wheels + i]};
       const double scale[3] = {net->output_scale[i], net->output_scale[wheels + i], net->output_scale[2 * wheels + i]};
+      GROUSER_LANE_LOOP
       for (int l = 0; l < LANES; l++) {
         const double aside = mean[1] + scale[1] * (double)across[l];
         sum[0][p][l] += stress[l] * (mean[0] + scale[0] * (double)along[l]);
@@ -248,6 +266,7 @@ GROUSER_INLINE void add_track(const grouser_track_net *net, enum grouser_side si
       const double *points = p == 0 ? (n == 0 ? shear->x[0] : shear->y[0])
                                     : (n == 0 ? shear->x_by[p - 1][0] : shear->y_by[p - 1][0]);
       const double *by = prepared[n == 2 ? MOMENT : WEIGHT];
+      GROUSER_LANE_LOOP
       for (int l = 0; l < LANES; l++) {
         double value = p < network_parts ? shear->gate[l] * sum[n][p][l] : 0.0;
         if (exact && p > 0) value += shear->gate_by[p - 1][l] * sum[n][0][l];
@@ -255,12 +274,14 @@ GROUSER_INLINE void add_track(const grouser_track_net *net, enum grouser_side si
         force[n][p][l] = value;
       }
     }
+  GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) force[0][0][l] -= prepared[RESISTANCE][l];
   for (int p = 0; p < parts; p++) {
     const double column_sign = p > 1 ? sign : 1.0;
     for (int n = 0; n < GROUSER_OUTPUTS; n++) {
       const double row_sign = n == 0 ? column_sign : sign * column_sign;
       double *to = p == 0 ? out->force[n] : out->slope[n][p - 1];
+      GROUSER_LANE_LOOP
       for (int l = 0; l < LANES; l++)
         to[l] += row_sign * (n == 2 ? force[2][p][l] - half_tread * force[0][p][l] : force[n][p][l]);
     }
