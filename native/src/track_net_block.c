@@ -3,7 +3,7 @@
 
 #include "grouser/track_net.h"
 #include "lane_loop.h"
-#include "load.h"
+#include "load_block.h"
 #include "shear_point.h"
 
 /* The structured surrogate for a block of vehicles, lane by lane: the same equations as for one, the same loops over
@@ -22,12 +22,6 @@ static int side_rows(const grouser_track_net *net) { return STRESS + net->block.
 
 int grouser_track_net_prepared_rows(const grouser_track_net *net) { return BLOCK_SIDES * side_rows(net); }
 
-static double side_sign(enum grouser_side side) { return side == GROUSER_LEFT ? 1.0 : -1.0; }
-
-static const double *belt_in(const grouser_block_rows *rows, enum grouser_side side) {
-  return rows->column[side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT];
-}
-
 /* Slip velocity, shear, gate, and their derivatives by the mirrored vx, vy and yaw rate. */
 typedef struct {
   lane_row along, across, yaw_rate;
@@ -38,8 +32,8 @@ typedef struct {
 static void slip_of_block(const grouser_track_net *net, const grouser_block_rows *rows, enum grouser_side side,
                           block_shear *shear) {
   const grouser_physics *block = &net->block;
-  const double sign = side_sign(side), half_tread = block->tread / 2, center = block->contact_center;
-  const double *belt = belt_in(rows, side);
+  const double sign = grouser_sign(side), half_tread = block->tread / 2, center = block->contact_center;
+  const double *belt = grouser_belt_in(rows, side);
   GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) {
     grouser_slip s;
@@ -106,65 +100,6 @@ GROUSER_INLINE void shear_of_block(const grouser_track_net *net, const lane_row 
   }
 }
 
-/* As grouser_element_shares. */
-static void shares_of_block(const grouser_track_net *net, const grouser_block_rows *rows, lane_row *share) {
-  const grouser_physics *block = &net->block;
-  const int count = block->wheels;
-  const double lean_slope = -block->cg_height / block->gravity;
-  double spread = 0;
-  lane_row total;
-  for (int i = 0; i < count; i++) spread += grouser_element_arm(block, i) * grouser_element_arm(block, i);
-  GROUSER_LANE_LOOP
-  for (int l = 0; l < LANES; l++) total[l] = 0;
-  for (int i = 0; i < count; i++) {
-    const double gain = spread > 0 ? grouser_element_arm(block, i) / spread : 0.0;
-    GROUSER_LANE_LOOP
-    for (int l = 0; l < LANES; l++) {
-      const double lean = lean_slope * rows->column[GROUSER_AX][l] - block->contact_center;
-      const double raw = 1.0 / count + gain * lean;
-      /* A raw share that is not a number passes. */
-      share[i][l] = raw < 0 ? 0.0 : raw;
-      total[l] += share[i][l];
-    }
-  }
-  for (int i = 0; i < count; i++)
-    GROUSER_LANE_LOOP
-    for (int l = 0; l < LANES; l++) share[i][l] /= total[l];
-}
-
-/* As grouser_side_load and grouser_shear_strength: writes the track's load, and what the elements bear. */
-static void load_block(const grouser_track_net *net, const grouser_block_rows *rows, enum grouser_side side,
-                       const lane_row *share, lane_row track_load, lane_row *stress) {
-  const grouser_physics *block = &net->block;
-  const int count = block->wheels;
-  const double area = block->element_length * block->track_width, weight = block->mass * block->gravity;
-  const double transfer = -side_sign(side) * (block->mass * block->cg_height / block->tread);
-  const double *strength = rows->column[GROUSER_TERRAIN], *angle = rows->column[GROUSER_TERRAIN + 1];
-  GROUSER_LANE_LOOP
-  for (int l = 0; l < LANES; l++) {
-    const double load = weight / 2 + transfer * rows->column[GROUSER_AY][l];
-    track_load[l] = load < 0 ? 0.0 : load > weight ? weight : load;
-  }
-  if (block->mode == GROUSER_RIGID) {
-    for (int i = 0; i < count; i++)
-      GROUSER_LANE_LOOP
-      for (int l = 0; l < LANES; l++) stress[i][l] = strength[l] * (track_load[l] * share[i][l] / area) * area;
-    return;
-  }
-  lane_row tangent;
-  const double full_contact = GROUSER_COHESION_FADE * block->mass * block->gravity / (2 * count);
-  /* Vehicles mostly share their ground, and the tangent is the dearest part. */
-  GROUSER_LANE_LOOP
-  for (int l = 0; l < LANES; l++) tangent[l] = l > 0 && angle[l] == angle[l - 1] ? tangent[l - 1] : tan(angle[l]);
-  for (int i = 0; i < count; i++)
-    GROUSER_LANE_LOOP
-    for (int l = 0; l < LANES; l++) {
-      const double load = track_load[l] * share[i][l], pressure = load / area;
-      const double fade = load < full_contact ? load / full_contact : 1.0;
-      stress[i][l] = (strength[l] * fade + pressure * tangent[l]) * area;
-    }
-}
-
 /* What the wheels make of the shear at one point. */
 GROUSER_INLINE void weigh_point(const lane_row *stress, const double by[GROUSER_MAX_WHEELS][GROUSER_POINTS], int wheels,
                         int point, double *to) {
@@ -181,9 +116,9 @@ static void prepare_side(const grouser_track_net *net, const grouser_block_rows 
                          const lane_row *share, lane_row *prepared) {
   const grouser_physics *block = &net->block;
   const int columns = grouser_columns(block->mode);
-  const double *belt = belt_in(rows, side), *modulus = rows->column[columns - 1], *rolling = rows->column[columns - 2];
+  const double *belt = grouser_belt_in(rows, side), *modulus = rows->column[columns - 1], *rolling = rows->column[columns - 2];
   lane_row load;
-  load_block(net, rows, side, share, load, prepared + STRESS);
+  grouser_load_block(block, rows, side, share, load, prepared + STRESS);
   GROUSER_LANE_LOOP
   for (int l = 0; l < LANES; l++) {
     const grouser_slip s = grouser_slip_of(0.0, 0.0, 0.0, belt[l], modulus[l], 0.0, 0.0, block->soft_speed);
@@ -200,9 +135,9 @@ static void prepare_side(const grouser_track_net *net, const grouser_block_rows 
 void grouser_track_net_prepare_block(const grouser_track_net *net, const grouser_block_rows *left,
                                      const grouser_block_rows *right, double (*prepared)[GROUSER_BLOCK]) {
   lane_row share[GROUSER_MAX_WHEELS];
-  shares_of_block(net, left, share);
+  grouser_block_shares(&net->block, left, share);
   prepare_side(net, left, GROUSER_LEFT, (const lane_row *)share, prepared);
-  if (right != left) shares_of_block(net, right, share);
+  if (right != left) grouser_block_shares(&net->block, right, share);
   prepare_side(net, right, GROUSER_RIGHT, (const lane_row *)share, prepared + side_rows(net));
 }
 
@@ -241,7 +176,7 @@ GROUSER_INLINE void add_track(const grouser_track_net *net, enum grouser_side si
   const grouser_physics *block = &net->block;
   const int wheels = block->wheels, exact = wanted == GROUSER_EXACT_SLOPES;
   const int parts = wanted == GROUSER_NO_SLOPES ? 1 : 1 + GROUSER_SEEDS, network_parts = exact ? parts : 1;
-  const double sign = side_sign(side), half_tread = block->tread / 2, half = block->element_length / 2;
+  const double sign = grouser_sign(side), half_tread = block->tread / 2, half = block->element_length / 2;
   lane_row sum[GROUSER_OUTPUTS][1 + GROUSER_SEEDS], force[GROUSER_OUTPUTS][1 + GROUSER_SEEDS];
   for (int n = 0; n < GROUSER_OUTPUTS; n++) memset(sum[n], 0, sizeof sum[n][0] * (size_t)network_parts);
   for (int i = 0; i < wheels; i++) {

@@ -53,6 +53,7 @@ class _Kernel(ctypes.Structure):
             ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Rows), ctypes.POINTER(_Rows), _double_p),
         ),
         ("prepared_rows", ctypes.c_int),
+        ("evaluate_track_block", ctypes.c_void_p),
     )
 
 
