@@ -148,18 +148,16 @@ static void step_range(const grouser_episodes *e, int first, int end) {
 
 static void step_share(void *work, int part, int parts) {
   const grouser_episodes *e = (const grouser_episodes *)work;
-  const int vehicles = e->fleet->vehicles, blocks = vehicles / GROUSER_BLOCK + (vehicles % GROUSER_BLOCK != 0);
-  /* Whole blocks to every thread, so that no two write to one cache line but at the ends of their shares. */
-  const int first = GROUSER_BLOCK * (int)((int64_t)blocks * part / parts);
-  const int end = GROUSER_BLOCK * (int)((int64_t)blocks * (part + 1) / parts);
-  step_range(e, first, end < vehicles ? end : vehicles);
+  const grouser_range range = grouser_share_of(e->fleet->vehicles, part, parts);
+  step_range(e, range.first, range.end);
 }
 
 void grouser_episodes_step(const grouser_episodes *episodes, struct grouser_pool *pool) {
+  void *work = (void *)(uintptr_t)episodes;
   if (pool)
-    grouser_pool_run(pool, step_share, (void *)(uintptr_t)episodes);
+    grouser_pool_run(pool, step_share, grouser_pool_parts(pool, grouser_fleet_blocks(episodes->fleet->vehicles)), work);
   else
-    step_share((void *)(uintptr_t)episodes, 0, 1);
+    step_share(work, 0, 1);
 }
 
 void grouser_episodes_begin(const grouser_episodes *e, int vehicle) {

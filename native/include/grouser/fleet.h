@@ -57,6 +57,16 @@ struct grouser_fleet {
   grouser_advance_lanes advance_lanes; /* of a vector level: they differ in nothing but speed */
 };
 
+/* Vehicles from `first` up to but not including `end`. */
+typedef struct {
+  int first, end;
+} grouser_range;
+
+int grouser_fleet_blocks(int vehicles);
+
+/* One of `parts` shares of the vehicles, counted from 0: whole blocks. */
+grouser_range grouser_share_of(int vehicles, int part, int parts);
+
 struct grouser_pool;
 
 /* Advances every vehicle by `ticks` under the commands (vehicles x 2: left, right; m/s). A vehicle that is lost on the
