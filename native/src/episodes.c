@@ -66,7 +66,8 @@ static void slip_power(const grouser_episodes *e, int first, int end, double *po
     const grouser_ground *ground = &fleet->grounds[vehicle];
     const int l = vehicle - first;
     grouser_footing footing;
-    if (!grouser_sample_ground(ground, &fleet->plant->sampling, pose[0], pose[1], cos(pose[2]), sin(pose[2]), &footing)) {
+    if (!grouser_sample_ground(ground, &fleet->plant->sampling, pose[0], pose[1], cos(pose[2]), sin(pose[2]),
+                               &footing)) {
       load_ratio[l] = NAN;
       continue;
     }
@@ -143,7 +144,8 @@ static void step_range(const grouser_episodes *e, int first, int end) {
     pose[2] = state_of(fleet, GROUSER_STATE_HEADING, vehicle);
   }
   fleet->advance_lanes(fleet, e->commands, last_ticks, first, end);
-  for (; first < end; first += GROUSER_BLOCK) assess_block(e, first, end - first < GROUSER_BLOCK ? end : first + GROUSER_BLOCK);
+  for (; first < end; first += GROUSER_BLOCK)
+    assess_block(e, first, end - first < GROUSER_BLOCK ? end : first + GROUSER_BLOCK);
 }
 
 static void step_share(void *work, int part, int parts) {

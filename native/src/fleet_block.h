@@ -1,6 +1,6 @@
 /* GROUSER_BLOCK vehicles side by side: what a fleet's arrays hold of them, and a tick of each from its beginning to its
- * end, but for its solution. Loops over lanes decide nothing by branches, so that they are vectorised; every lane has the
- * bits of a vehicle alone. */
+ * end, but for its solution. Loops over lanes decide nothing by branches, so that they are vectorised; every lane has
+ * the bits of a vehicle alone. */
 #ifndef GROUSER_FLEET_BLOCK_H
 #define GROUSER_FLEET_BLOCK_H
 
@@ -46,7 +46,11 @@ typedef struct {
 /* Takes up to GROUSER_BLOCK vehicles that are not lost; returns the first that there was no room for, or `end`. */
 GROUSER_CORE int grouser_block_load(grouser_fleet_block *block, const grouser_fleet *fleet, const double *commands,
                                     int first, int end);
+/* Writes what has become of them. */
 GROUSER_CORE void grouser_block_store(const grouser_fleet_block *block, const grouser_fleet *fleet);
+
+/* Turns the vehicles to their headings, and puts them on their grounds. */
+GROUSER_CORE void grouser_block_ready(grouser_fleet_block *block, const grouser_fleet *fleet);
 
 /* Begins a tick of every vehicle that is not lost. */
 GROUSER_CORE void grouser_block_begin(grouser_fleet_block *block, const grouser_fleet *fleet);

@@ -179,8 +179,8 @@ static void evaluate_deck(grouser_deck *deck, const grouser_plant *plant, const 
     for (int l = 0; l < GROUSER_BLOCK; l++) deck->forces.force[n][l] *= deck->load_ratio[l];
 }
 
-/* What comes of a tick whose forces are known; `spoilt` is 0 where they and their slopes are finite. An extrapolated body
- * is not taken for a solved one: a vehicle near rest would chatter within the tolerance. */
+/* What comes of a tick whose forces are known; `spoilt` is 0 where they and their slopes are finite. An extrapolated
+ * body is not taken for a solved one: a vehicle near rest would chatter within the tolerance. */
 GROUSER_INLINE int64_t judged(const grouser_deck *deck, const grouser_plant *plant, int l, double spoilt) {
   const int64_t guessed = (deck->iteration[l] == 0) & (deck->stage[l] == 0);
   const int64_t still = grouser_same_body(body_in(deck, l), anchor_in(deck, l));
@@ -207,7 +207,8 @@ GROUSER_INLINE grouser_inverse inverted(const grouser_deck *deck, const grouser_
 static void begin_second_stage(grouser_deck *deck, const grouser_plant *plant, int l) {
   const double gain = gain_of(plant), rest = (1.0 - GROUSER_SDIRK_GAMMA) * plant->step;
   const grouser_inverse inverse = inverse_in(deck, l);
-  put_triple(deck->anchor, l, grouser_along(triple_in((const double(*)[GROUSER_BLOCK])deck->start, l), rest, rates_in(deck, plant, l)));
+  const grouser_body start = triple_in((const double(*)[GROUSER_BLOCK])deck->start, l);
+  put_triple(deck->anchor, l, grouser_along(start, rest, rates_in(deck, plant, l)));
   deck->stage[l] = 1;
   deck->iteration[l] = 0;
   const grouser_body residual = residual_in(deck, plant, l, gain);
@@ -240,9 +241,9 @@ void grouser_deck_open(grouser_deck *deck, const grouser_plant *plant, const gro
   const double gain = gain_of(plant);
   /* An explicit step goes without slopes, save that a primary whose slopes are not finite has failed. */
   const int euler = plant->integrator == GROUSER_EULER, want_slopes = !euler || plant->guard;
+  const grouser_block_rows *right = plant->sampling.tracks ? &deck->right : &deck->left;
   double spoilt[GROUSER_BLOCK];
-  if (kernel->prepare_block)
-    kernel->prepare_block(kernel->self, &deck->left, plant->sampling.tracks ? &deck->right : &deck->left, deck->prepared);
+  if (kernel->prepare_block) kernel->prepare_block(kernel->self, &deck->left, right, deck->prepared);
   evaluate_deck(deck, plant, kernel, want_slopes ? GROUSER_LEADING_SLOPES : GROUSER_NO_SLOPES);
   GROUSER_LANE_LOOP
   for (int l = 0; l < GROUSER_BLOCK; l++) {

@@ -1,7 +1,7 @@
 /* Which vehicle is in which lane. A crew of vehicles is taken at a time, and all of it makes one tick before the next.
  * The ticks that the primary alone moves are solved together, then those of the fallback; those that both have a share
- * in, one by one. Decks are opened as the blocks of the crew are, and followed; as lanes converge, the ticks that are left
- * come together on fewer decks. */
+ * in, one by one. Decks are opened as the blocks of the crew are, and followed; as lanes converge, the ticks that are
+ * left come together on fewer decks. */
 #include "fleet_lanes.h"
 
 #include <stddef.h>
@@ -54,8 +54,8 @@ static int gather(crew *c, int decks, int left, const grouser_kernel *kernel) {
     grouser_deck *deck = &c->deck[from / GROUSER_BLOCK];
     if (deck->progress[from % GROUSER_BLOCK] == GROUSER_VACANT) continue;
     while (c->deck[free_lane / GROUSER_BLOCK].progress[free_lane % GROUSER_BLOCK] != GROUSER_VACANT) free_lane++;
-    grouser_deck_move(deck, from % GROUSER_BLOCK, &c->deck[free_lane / GROUSER_BLOCK], free_lane % GROUSER_BLOCK, kernel,
-                      split);
+    grouser_deck *to = &c->deck[free_lane / GROUSER_BLOCK];
+    grouser_deck_move(deck, from % GROUSER_BLOCK, to, free_lane % GROUSER_BLOCK, kernel, split);
   }
   return needed;
 }
@@ -117,8 +117,10 @@ void grouser_fleet_advance_lanes(const grouser_fleet *fleet, const double *comma
   crew c;
   c.fleet = fleet;
   while (first < end) {
-    for (c.blocks = 0; c.blocks < DECKS && first < end; c.blocks++)
+    for (c.blocks = 0; c.blocks < DECKS && first < end; c.blocks++) {
       first = grouser_block_load(&c.block[c.blocks], fleet, commands, first, end);
+      grouser_block_ready(&c.block[c.blocks], fleet);
+    }
     for (int tick = 0; tick < ticks; tick++) make_tick(&c);
     for (int b = 0; b < c.blocks; b++) grouser_block_store(&c.block[b], fleet);
   }

@@ -16,6 +16,7 @@
 #include "track_net_block.c"
 #include "detector.c"
 #include "gated.c"
+#include "fleet_arrays.c"
 #include "fleet_block.c"
 #include "fleet_deck.c"
 #include "fleet_lanes.c"

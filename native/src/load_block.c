@@ -51,7 +51,8 @@ void grouser_load_block(const grouser_physics *block, const grouser_block_rows *
   const double full_contact = GROUSER_COHESION_FADE * block->mass * block->gravity / (2 * count);
   /* Vehicles mostly share their ground, and the tangent is the dearest part. */
   GROUSER_LANE_LOOP
-  for (int l = 0; l < GROUSER_BLOCK; l++) tangent[l] = l > 0 && angle[l] == angle[l - 1] ? tangent[l - 1] : tan(angle[l]);
+  for (int l = 0; l < GROUSER_BLOCK; l++)
+    tangent[l] = l > 0 && angle[l] == angle[l - 1] ? tangent[l - 1] : tan(angle[l]);
   for (int i = 0; i < count; i++)
     GROUSER_LANE_LOOP
     for (int l = 0; l < GROUSER_BLOCK; l++) {

@@ -16,7 +16,7 @@ static inline const double *grouser_belt_in(const grouser_block_rows *rows, enum
 GROUSER_CORE void grouser_block_shares(const grouser_physics *block, const grouser_block_rows *rows,
                                        double (*share)[GROUSER_BLOCK]);
 
-/* As grouser_side_load and grouser_shear_strength: writes the load of a track, and what its elements bear at most, in N. */
+/* As grouser_side_load and grouser_shear_strength: writes load and elements' strengths of a track, in N. */
 GROUSER_CORE void grouser_load_block(const grouser_physics *block, const grouser_block_rows *rows,
                                      enum grouser_side side, const double (*share)[GROUSER_BLOCK], double *track_load,
                                      double (*stress)[GROUSER_BLOCK]);

@@ -38,7 +38,8 @@ void grouser_slip_power(const grouser_kernel *block, grouser_block_rows *left, g
     track_forces(block, rows[side], side, tracks[side]);
   }
   for (int l = 0; l < GROUSER_BLOCK; l++) {
-    const double belts = left->column[GROUSER_V_LEFT][l] * tracks[0][0][l] + left->column[GROUSER_V_RIGHT][l] * tracks[1][0][l];
+    const double belts =
+        left->column[GROUSER_V_LEFT][l] * tracks[0][0][l] + left->column[GROUSER_V_RIGHT][l] * tracks[1][0][l];
     double body = 0.0;
     for (int output = 0; output < GROUSER_OUTPUTS; output++)
       body += left->column[GROUSER_VX + output][l] * (tracks[0][output][l] + tracks[1][output][l]);

@@ -31,8 +31,8 @@ typedef struct grouser_pool {
 /* Starts threads - 1 workers, threads in [1, GROUSER_MAX_THREADS]; 0 if the system refuses one, and none are left. */
 int grouser_pool_start(grouser_pool *pool, int threads);
 
-/* Runs `parts` shares and returns when all are done; who is free takes the next one. The shares do not depend on what runs them: where there are no
- * threads, or they were lost to a fork, the caller runs them one after another. */
+/* Runs `parts` shares and returns when all are done; who is free takes the next one. The shares do not depend on what
+ * runs them: where there are no threads, or they were lost to a fork, the caller runs them one after another. */
 void grouser_pool_run(grouser_pool *pool, grouser_share share, int parts, void *work);
 
 /* Shares that so many blocks of vehicles are best split into: whole crews, unless threads would be idle. */

@@ -13,8 +13,8 @@ enum { LANES = GROUSER_BLOCK, BLOCK_SIDES = 2 };
 
 typedef double lane_row[LANES];
 
-/* What is prepared of a track: rolling direction and 1/(K sqrt(Vt^2 + V_eps^2)), rolling resistance in N, what the points'
- * shear counts in force and moment, and the elements' strengths in N. */
+/* What is prepared of a track: rolling direction and 1/(K sqrt(Vt^2 + V_eps^2)), rolling resistance in N, what the
+ * points' shear counts in force and moment, and the elements' strengths in N. */
 enum { DIRECTION, PER_METER, RESISTANCE, WEIGHT, MOMENT = WEIGHT + GROUSER_POINTS, STRESS = MOMENT + GROUSER_POINTS };
 enum { PREPARED_FITS = 1 / (BLOCK_SIDES * (STRESS + GROUSER_MAX_WHEELS) <= GROUSER_MAX_PREPARED) };
 
@@ -25,7 +25,8 @@ int grouser_track_net_prepared_rows(const grouser_track_net *net) { return BLOCK
 /* Slip velocity, shear, gate, and their derivatives by the mirrored vx, vy and yaw rate. */
 typedef struct {
   lane_row along, across, yaw_rate;
-  lane_row x[GROUSER_POINTS], y[GROUSER_POINTS], x_by[GROUSER_SEEDS][GROUSER_POINTS], y_by[GROUSER_SEEDS][GROUSER_POINTS];
+  lane_row x[GROUSER_POINTS], y[GROUSER_POINTS];
+  lane_row x_by[GROUSER_SEEDS][GROUSER_POINTS], y_by[GROUSER_SEEDS][GROUSER_POINTS];
   lane_row gate, gate_by[GROUSER_SEEDS], size, size_by[GROUSER_SEEDS];
 } block_shear;
 
@@ -116,7 +117,8 @@ static void prepare_side(const grouser_track_net *net, const grouser_block_rows 
                          const lane_row *share, lane_row *prepared) {
   const grouser_physics *block = &net->block;
   const int columns = grouser_columns(block->mode);
-  const double *belt = grouser_belt_in(rows, side), *modulus = rows->column[columns - 1], *rolling = rows->column[columns - 2];
+  const double *belt = grouser_belt_in(rows, side);
+  const double *modulus = rows->column[columns - 1], *rolling = rows->column[columns - 2];
   lane_row load;
   grouser_load_block(block, rows, side, share, load, prepared + STRESS);
   GROUSER_LANE_LOOP

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compiled_kernel import BLOCK, Slopes, block_forces, body_forces
+from compiled_kernel import BLOCK, Slopes, block_forces, body_forces, track_block_forces
 
 from grouser.native import Mlp, cpu_level
 from grouser.surrogate import NativeSurrogate, Surrogate

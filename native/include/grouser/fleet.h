@@ -43,7 +43,8 @@ enum grouser_record_row {
 typedef struct grouser_fleet grouser_fleet;
 
 /* Advances the vehicles from `first` up to but not including `end`, as grouser_fleet_advance does all of them. */
-typedef void (*grouser_advance_lanes)(const grouser_fleet *fleet, const double *commands, int ticks, int first, int end);
+typedef void (*grouser_advance_lanes)(const grouser_fleet *fleet, const double *commands, int ticks, int first,
+                                      int end);
 
 struct grouser_fleet {
   const grouser_plant *plant;

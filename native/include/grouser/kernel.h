@@ -37,8 +37,8 @@ typedef struct {
   /* Writes the same of one track (0 left, 1 right); NULL where the tracks are not known apart. */
   void (*evaluate_track)(const void *self, const double *x, int side, double *forces, double *jacobian);
   /* Evaluates a block, each track from its own rows (right may be left itself). A lane whose row is not finite gives
-   * NaN there and leaves the others alone. `prepared` is what prepare_block wrote for these lanes, if there is such. NULL
-   * where rows are taken one by one. */
+   * NaN there and leaves the others alone. `prepared` is what prepare_block wrote for these lanes, if there is such.
+   * NULL where rows are taken one by one. */
   void (*evaluate_block)(const void *self, const grouser_block_rows *left, const grouser_block_rows *right,
                          const double (*prepared)[GROUSER_BLOCK], enum grouser_slopes_wanted wanted,
                          grouser_block_forces *out);
