@@ -12,7 +12,18 @@ from grouser.terrain import PhysicsBackend, RigidTerrain, SlopedGround, TrackedV
 
 NATIVE = Path(__file__).resolve().parents[2] / "native"
 CORES = ["detector", "guard", "ground", "body", "tick"]
-ENGINE = [*CORES, "load_block", "physics_block", "slip_power", "fleet_arrays", "fleet_block", "fleet_deck", "fleet_lanes", "fleet", "threads"]
+ENGINE = [
+    *CORES,
+    "load_block",
+    "physics_block",
+    "slip_power",
+    "fleet_arrays",
+    "fleet_block",
+    "fleet_deck",
+    "fleet_lanes",
+    "fleet",
+    "threads",
+]
 COMPILER = shutil.which("cc")
 M113 = TrackedVehicle.preset("m113")
 
