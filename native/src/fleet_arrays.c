@@ -1,10 +1,9 @@
+/* How the vehicles of a fleet are read from the arrays of its owner, and written. */
+#include "fleet_block.h"
+
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
-
-#include "fleet_block.h"
-
-/* How the vehicles of a fleet are read from the arrays of its owner, and written. */
 
 static double *fleet_cell(double *rows, int row, const grouser_fleet *fleet, int vehicle) {
   return rows + (size_t)row * (size_t)fleet->vehicles + (size_t)vehicle;
