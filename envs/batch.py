@@ -11,7 +11,7 @@ from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
 from ..native import Episodes
-from ..terrain import FloatArray, ForceBackend, InvalidInputError, parameter_ranges
+from ..terrain import FloatArray, ForceBackend, GuardedBackend, InvalidInputError, parameter_ranges
 from .engine import compiled_kernel
 from .fleet import VehicleFleet
 from .footing import sample_ground
@@ -60,6 +60,8 @@ class Batch(Generic[ConfigT, EpisodeT]):
         Of the episode, as the task's ``drawn_names`` have it, where ``randomized`` holds.
     randomized : ndarray of bool, shape (n,)
     terminated, truncated : ndarray of bool, shape (n,)
+    backend_names : ndarray of object, shape (n,)
+        Who moves each vehicle: of a guarded backend, while its guard has not changed over.
 
     Raises
     ------
@@ -100,6 +102,8 @@ class Batch(Generic[ConfigT, EpisodeT]):
         self.randomized: Final[_Flags] = np.zeros(count, np.bool_)
         self.terminated: Final[_Flags] = np.zeros(count, np.bool_)
         self.truncated: Final[_Flags] = np.zeros(count, np.bool_)
+        driving = backend.primary if isinstance(backend, GuardedBackend) else backend
+        self.backend_names: Final[NDArray[np.object_]] = np.full(count, driving.name, dtype=object)
         self._reward = reward
         self._unbegun: _Flags = np.ones(count, np.bool_)
         self._actions = np.zeros((count, 2))

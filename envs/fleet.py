@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, MutableMapping
+from operator import attrgetter
 from typing import Any, Final, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -43,6 +44,7 @@ _ITERATIONS, _DIVISIONS, _SCORE, _REASON, _WORST, _RECORD_ROWS = range(_ROW_SIZE
 _DIVERGED, _OFF_MAP = 1, 2
 _REASONS = ("none", "finite", "box", "distance")
 _FLAG_BITS = 32
+_numbers_of = attrgetter(*STATE_NAMES)
 
 
 class FleetRecord(NamedTuple):
@@ -309,7 +311,7 @@ class VehicleFleet:
         """Replace the whole state of a vehicle, which is lost no longer."""
         guard, flags = state.guard, state.guard.flags[:_FLAG_BITS]
         bits = sum(1 << bit for bit, flag in enumerate(flags) if flag)
-        self.numbers[:, index] = [getattr(state, name) for name in STATE_NAMES]
+        self.numbers[:, index] = _numbers_of(state)
         self._guard[:, index] = [
             guard.mode is GuardMode.FALLBACK,
             len(flags),

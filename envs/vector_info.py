@@ -46,9 +46,8 @@ def batch_info(batch: Batch[ConfigT, EpisodeT], stepped: _Flags, *, track_forces
     _put(info, "force", fleet.record.forces, moved)
     if track_forces:
         info |= _track_info(batch, moved)
-    names = np.full(len(batch), fleet.backend.name, dtype=object)
+    names = batch.backend_names.copy()
     if isinstance(fleet.backend, GuardedBackend):
-        names[:] = fleet.backend.primary.name
         names[fleet.on_fallback] = fleet.backend.fallback.name
         _put(info, "ood_score", fleet.record.score, moved)
         _put(info, "fallback_weight", fleet.fallback_weight, moved)
@@ -98,6 +97,6 @@ def merged(info: VectorInfo, other: VectorInfo) -> VectorInfo:
 def _put(info: VectorInfo, name: str, values: NDArray[Any], mask: _Flags) -> None:
     """Add a copy of the values, zero where the mask does not hold."""
     copy = np.array(values, order="C")
-    if not mask.all():
+    if np.count_nonzero(mask) < len(mask):
         copy[~mask] = 0
     info[name], info[f"_{name}"] = copy, mask.copy()

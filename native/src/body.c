@@ -5,12 +5,9 @@
 enum { LINE_SEARCH_LIMIT = 8 };
 
 void grouser_level_row(const double *row, int columns, const grouser_footing *footing, int side, double *level) {
-  const double ratio = footing->load_ratio;
   memcpy(level, row, sizeof(double) * (size_t)columns);
   memcpy(level + GROUSER_TERRAIN, footing->theta[side], sizeof(double) * (size_t)(columns - GROUSER_TERRAIN));
-  level[GROUSER_AX] /= ratio;
-  level[GROUSER_AY] /= ratio;
-  if (columns == grouser_columns(GROUSER_SOIL)) level[GROUSER_TERRAIN] /= ratio;
+  grouser_to_level(level, columns, footing->load_ratio);
 }
 
 /* Forces under the load m g_z: r times those of the level row. The slopes by the body scale alike; they may be NULL as
@@ -150,7 +147,8 @@ static int solve_by_broyden(grouser_dynamics *dynamics, const double *start, dou
   memset(out->row, 0, sizeof out->row);
   memcpy(row, start, sizeof(double) * (size_t)dynamics->blend.primary->columns);
   at.iterations = 0;
-  at.body = grouser_extrapolated(row, dynamics->footing, dynamics->yaw_acceleration, s.gain, tolerance);
+  at.body = grouser_extrapolated(body, row[GROUSER_AX], row[GROUSER_AY], dynamics->yaw_acceleration,
+                                 dynamics->footing->pull_x, dynamics->footing->pull_y, s.gain, tolerance);
   set_body(row, at.body);
   evaluate(dynamics, row, at.force, slope);
   grouser_inverse inverse = grouser_invert(dynamics->inertia, at.body, (const double(*)[3])slope, s.gain);

@@ -103,17 +103,15 @@ static inline grouser_body grouser_broyden_step(grouser_inverse *inverse, grouse
 }
 
 static inline int grouser_same_body(grouser_body a, grouser_body b) {
-  return a.vx == b.vx && a.vy == b.vy && a.yaw_rate == b.yaw_rate;
+  return (a.vx == b.vx) & (a.vy == b.vy) & (a.yaw_rate == b.yaw_rate);
 }
 
 /* The first guess: where the forces of the last tick would take the body, and its yaw rate as the belts change; the body
  * itself if that is within the tolerance. */
-static inline grouser_body grouser_extrapolated(const double *row, const grouser_footing *footing,
-                                                double yaw_acceleration, double gain, double tolerance) {
-  const double vx = row[GROUSER_VX], vy = row[GROUSER_VY], yaw_rate = row[GROUSER_YAW_RATE];
-  const grouser_body body = {vx, vy, yaw_rate};
-  const grouser_body change = {gain * (row[GROUSER_AX] + footing->pull_x + yaw_rate * vy),
-                               gain * (row[GROUSER_AY] + footing->pull_y - yaw_rate * vx), gain * yaw_acceleration};
+static inline grouser_body grouser_extrapolated(grouser_body body, double ax, double ay, double yaw_acceleration,
+                                                double pull_x, double pull_y, double gain, double tolerance) {
+  const grouser_body change = {gain * (ax + pull_x + body.yaw_rate * body.vy),
+                               gain * (ay + pull_y - body.yaw_rate * body.vx), gain * yaw_acceleration};
   return grouser_residual_size(change) <= tolerance ? body : grouser_along(body, 1.0, change);
 }
 
@@ -136,7 +134,14 @@ typedef struct {
   int iterations, divisions;
 } grouser_body_step;
 
-/* Writes the row of one track as level ground would have it: accelerations and cohesion over the load ratio. */
+/* A row as level ground would have it: accelerations and cohesion over the load ratio. */
+static inline void grouser_to_level(double *row, int columns, double load_ratio) {
+  row[GROUSER_AX] /= load_ratio;
+  row[GROUSER_AY] /= load_ratio;
+  if (columns == grouser_columns(GROUSER_SOIL)) row[GROUSER_TERRAIN] /= load_ratio;
+}
+
+/* Writes the row of one track on level ground. */
 void grouser_level_row(const double *row, int columns, const grouser_footing *footing, int side, double *level);
 
 /* Advances the body of `row` by `step` s; 0 if sixteenths of it were not solved either. */

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "grouser/slip_power.h"
 #include "threads.h"
 
 static double state_of(const grouser_fleet *fleet, int row, int vehicle) {
@@ -48,25 +49,36 @@ static void look(const grouser_episodes *e, int vehicle, const grouser_sight *si
                     e->measures + GROUSER_TASK_MEASURES * (size_t)vehicle);
 }
 
-/* Slip power of the last tick, in W, on the ground where it began. */
-static double slip_power(const grouser_episodes *e, int vehicle) {
+/* Slip power of the last tick, in W, on the ground where it began, of up to GROUSER_BLOCK vehicles. */
+static void slip_power(const grouser_episodes *e, int first, int end, double *power) {
   const grouser_fleet *fleet = e->fleet;
-  const double *pose = e->poses + 3 * (size_t)vehicle;
-  double left[GROUSER_MAX_COLUMNS], right[GROUSER_MAX_COLUMNS];
   const int columns = e->slip_block->columns;
+  grouser_block_rows left, right;
+  double load_ratio[GROUSER_BLOCK];
+  memset(&left, 0, sizeof left);
+  for (int l = 0; l < GROUSER_BLOCK; l++) load_ratio[l] = 1.0;
   for (int n = 0; n < columns; n++)
-    left[n] = fleet->record[(size_t)(GROUSER_RECORD_ROW + n) * (size_t)fleet->vehicles + (size_t)vehicle];
-  memcpy(right, left, sizeof(double) * (size_t)columns);
-  grouser_footing footing;
-  if (!grouser_sample_ground(&fleet->grounds[vehicle], &fleet->plant->sampling, pose[0], pose[1], cos(pose[2]),
-                             sin(pose[2]), &footing))
-    return NAN;
-  if (footing.split)
-    memcpy(right + GROUSER_TERRAIN, footing.theta[1], sizeof(double) * (size_t)(columns - GROUSER_TERRAIN));
-  return grouser_slip_power(e->slip_block, left, right, footing.load_ratio);
+    memcpy(left.column[n], fleet->record + (size_t)(GROUSER_RECORD_ROW + n) * (size_t)fleet->vehicles + (size_t)first,
+           sizeof(double) * (size_t)(end - first));
+  right = left;
+  for (int vehicle = first; vehicle < end; vehicle++) {
+    const double *pose = e->poses + 3 * (size_t)vehicle;
+    const grouser_ground *ground = &fleet->grounds[vehicle];
+    const int l = vehicle - first;
+    grouser_footing footing;
+    if (!grouser_sample_ground(ground, &fleet->plant->sampling, pose[0], pose[1], cos(pose[2]), sin(pose[2]),
+                               &footing)) {
+      load_ratio[l] = NAN;
+      continue;
+    }
+    load_ratio[l] = footing.load_ratio;
+    for (int p = 0; footing.split && p < columns - GROUSER_TERRAIN; p++)
+      right.column[GROUSER_TERRAIN + p][l] = footing.theta[1][p];
+  }
+  grouser_slip_power(e->slip_block, &left, &right, load_ratio, power);
 }
 
-static void assess(const grouser_episodes *e, int vehicle) {
+static void assess(const grouser_episodes *e, int vehicle, double power) {
   const double *action = e->actions + 2 * (size_t)vehicle;
   double *previous = e->previous + 2 * (size_t)vehicle, *terms = e->terms + GROUSER_TASK_TERMS * (size_t)vehicle;
   const grouser_sight sight = sight_of(e, vehicle);
@@ -81,7 +93,7 @@ static void assess(const grouser_episodes *e, int vehicle) {
     e->truncated[vehicle] = 0;
   } else {
     const int ended = e->rules->assess(e->rules->self, memory, time_of(e, vehicle), &sight, terms);
-    grouser_task_costs(e->task, action, previous, slip_power(e, vehicle), terms + 2);
+    grouser_task_costs(e->task, action, previous, power, terms + 2);
     double reward = 0.0;
     for (int term = 0; term < GROUSER_TASK_TERMS; term++) reward += terms[term];
     e->rewards[vehicle] = reward;
@@ -90,6 +102,20 @@ static void assess(const grouser_episodes *e, int vehicle) {
   }
   memcpy(previous, action, 2 * sizeof(double));
   look(e, vehicle, &sight);
+}
+
+static void assess_block(const grouser_episodes *e, int first, int end) {
+  double power[GROUSER_BLOCK];
+  slip_power(e, first, end, power);
+  for (int vehicle = first; vehicle < end; vehicle++) {
+    if (!e->idle[vehicle]) {
+      assess(e, vehicle, power[vehicle - first]);
+      continue;
+    }
+    e->fleet->status[vehicle] = GROUSER_SOLVED;
+    e->rewards[vehicle] = 0.0;
+    e->terminated[vehicle] = e->truncated[vehicle] = 0;
+  }
 }
 
 /* Whether the ground under a vehicle depends on where it is or heads. */
@@ -110,39 +136,30 @@ static void step_range(const grouser_episodes *e, int first, int end) {
   }
   /* Where the last tick began matters to the slip power only on ground that varies; a fleet is faster undivided. */
   const int last_ticks = ground_varies(e, first, end) ? 1 : e->ticks;
-  if (last_ticks < e->ticks) grouser_fleet_advance_range(fleet, e->commands, e->ticks - last_ticks, first, end);
+  if (last_ticks < e->ticks) fleet->advance_lanes(fleet, e->commands, e->ticks - last_ticks, first, end);
   for (int vehicle = first; vehicle < end; vehicle++) {
     double *pose = e->poses + 3 * (size_t)vehicle;
     pose[0] = state_of(fleet, GROUSER_STATE_X, vehicle);
     pose[1] = state_of(fleet, GROUSER_STATE_Y, vehicle);
     pose[2] = state_of(fleet, GROUSER_STATE_HEADING, vehicle);
   }
-  grouser_fleet_advance_range(fleet, e->commands, last_ticks, first, end);
-  for (int vehicle = first; vehicle < end; vehicle++) {
-    if (!e->idle[vehicle]) {
-      assess(e, vehicle);
-      continue;
-    }
-    fleet->status[vehicle] = GROUSER_SOLVED;
-    e->rewards[vehicle] = 0.0;
-    e->terminated[vehicle] = e->truncated[vehicle] = 0;
-  }
+  fleet->advance_lanes(fleet, e->commands, last_ticks, first, end);
+  for (; first < end; first += GROUSER_BLOCK)
+    assess_block(e, first, end - first < GROUSER_BLOCK ? end : first + GROUSER_BLOCK);
 }
 
 static void step_share(void *work, int part, int parts) {
   const grouser_episodes *e = (const grouser_episodes *)work;
-  const int vehicles = e->fleet->vehicles, blocks = vehicles / GROUSER_BLOCK + (vehicles % GROUSER_BLOCK != 0);
-  /* Whole blocks to every thread, so that no two write to one cache line but at the ends of their shares. */
-  const int first = GROUSER_BLOCK * (int)((int64_t)blocks * part / parts);
-  const int end = GROUSER_BLOCK * (int)((int64_t)blocks * (part + 1) / parts);
-  step_range(e, first, end < vehicles ? end : vehicles);
+  const grouser_range range = grouser_share_of(e->fleet->vehicles, part, parts);
+  step_range(e, range.first, range.end);
 }
 
 void grouser_episodes_step(const grouser_episodes *episodes, struct grouser_pool *pool) {
+  void *work = (void *)(uintptr_t)episodes;
   if (pool)
-    grouser_pool_run(pool, step_share, (void *)(uintptr_t)episodes);
+    grouser_pool_run(pool, step_share, grouser_pool_parts(pool, grouser_fleet_blocks(episodes->fleet->vehicles)), work);
   else
-    step_share((void *)(uintptr_t)episodes, 0, 1);
+    step_share(work, 0, 1);
 }
 
 void grouser_episodes_begin(const grouser_episodes *e, int vehicle) {

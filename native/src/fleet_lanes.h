@@ -1,11 +1,11 @@
-/* How the vehicles of a fleet are read and written. */
+/* The vehicles of a fleet, block by block and deck by deck: compiled once for each vector level. */
 #ifndef GROUSER_FLEET_LANES_H
 #define GROUSER_FLEET_LANES_H
 
 #include "grouser/fleet.h"
 
-void grouser_fleet_load(const grouser_fleet *fleet, int vehicle, grouser_vehicle_state *state);
-void grouser_fleet_store(const grouser_fleet *fleet, int vehicle, const grouser_vehicle_state *state,
-                         const grouser_tick_record *record);
+/* A grouser_advance_lanes. */
+GROUSER_CORE void grouser_fleet_advance_lanes(const grouser_fleet *fleet, const double *commands, int ticks, int first,
+                                              int end);
 
 #endif

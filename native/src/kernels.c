@@ -2,10 +2,12 @@
 #define GROUSER_CORE static
 
 #include "load.c"
+#include "load_block.c"
 #include "soft_cells.c"
 #include "soft_cells_single.c"
 #include "exact_cells.c"
 #include "physics.c"
+#include "physics_block.c"
 #include "dense.c"
 #include "dense_backward.c"
 #include "dense_batch.c"
@@ -23,6 +25,10 @@
 #pragma GCC diagnostic pop
 #endif
 #include "gated.c"
+#include "fleet_arrays.c"
+#include "fleet_block.c"
+#include "fleet_deck.c"
+#include "fleet_lanes.c"
 
 #include "level.h"
 
@@ -44,10 +50,15 @@ static void physics_evaluate_body(const void *block, const double *left, const d
   grouser_physics_body((const grouser_physics *)block, left, right, forces, wanted ? slopes : NULL);
 }
 
+static void physics_evaluate_track_block(const void *block, const grouser_block_rows *rows, int side,
+                                         double force[GROUSER_OUTPUTS][GROUSER_BLOCK]) {
+  grouser_physics_track_block((const grouser_physics *)block, rows, (enum grouser_side)side, force);
+}
+
 static grouser_kernel physics_kernel(const grouser_physics *block) {
   const grouser_kernel kernel = {
       block, grouser_columns(block->mode), physics_evaluate, physics_refuses, physics_evaluate_track, NULL, NULL,
-      physics_evaluate_body};
+      physics_evaluate_body, NULL, 0, grouser_physics_has_block(block) ? physics_evaluate_track_block : NULL};
   return kernel;
 }
 
@@ -56,8 +67,10 @@ static void mlp_evaluate(const void *net, const double *x, double *forces, doubl
 }
 
 static void mlp_evaluate_block(const void *net, const grouser_block_rows *left, const grouser_block_rows *right,
-                               enum grouser_slopes_wanted wanted, grouser_block_forces *out) {
+                               const double (*prepared)[GROUSER_BLOCK], enum grouser_slopes_wanted wanted,
+                               grouser_block_forces *out) {
   (void)right;
+  (void)prepared;
   grouser_mlp_block((const grouser_mlp *)net, left, wanted != GROUSER_NO_SLOPES, out);
 }
 
@@ -82,7 +95,7 @@ static grouser_kernel mlp_kernel(grouser_mlp *net) {
   grouser_mlp_prepare(net);
   const grouser_kernel kernel = {
       net, net->dense.widths[0], mlp_evaluate, mlp_refuses, NULL, mlp_evaluate_block, mlp_evaluate_rows,
-      mlp_evaluate_body};
+      mlp_evaluate_body, NULL, 0, NULL};
   return kernel;
 }
 
@@ -94,9 +107,15 @@ static void track_net_evaluate_track(const void *net, const double *x, int side,
   grouser_track_net_track((const grouser_track_net *)net, x, (enum grouser_side)side, forces, jacobian);
 }
 
+static void track_net_prepare_block(const void *net, const grouser_block_rows *left, const grouser_block_rows *right,
+                                    double (*prepared)[GROUSER_BLOCK]) {
+  grouser_track_net_prepare_block((const grouser_track_net *)net, left, right, prepared);
+}
+
 static void track_net_evaluate_block(const void *net, const grouser_block_rows *left, const grouser_block_rows *right,
-                                     enum grouser_slopes_wanted wanted, grouser_block_forces *out) {
-  grouser_track_net_block((const grouser_track_net *)net, left, right, wanted, out);
+                                     const double (*prepared)[GROUSER_BLOCK], enum grouser_slopes_wanted wanted,
+                                     grouser_block_forces *out) {
+  grouser_track_net_block((const grouser_track_net *)net, left, right, prepared, wanted, out);
 }
 
 static void track_net_evaluate_body(const void *net, const double *left, const double *right,
@@ -112,9 +131,11 @@ static void track_net_evaluate_rows(const void *self, const double *x, ptrdiff_t
     const int count = rows - first < GROUSER_BLOCK ? (int)(rows - first) : GROUSER_BLOCK;
     grouser_block_rows block;
     grouser_block_forces out;
+    double prepared[GROUSER_MAX_PREPARED][GROUSER_BLOCK];
     for (int l = 0; l < GROUSER_BLOCK; l++)
       for (int n = 0; n < columns; n++) block.column[n][l] = x[(first + (l < count ? l : 0)) * columns + n];
-    grouser_track_net_block(net, &block, &block, GROUSER_NO_SLOPES, &out);
+    grouser_track_net_prepare_block(net, &block, &block, prepared);
+    grouser_track_net_block(net, &block, &block, (const double(*)[GROUSER_BLOCK])prepared, GROUSER_NO_SLOPES, &out);
     for (int l = 0; l < count; l++)
       for (int n = 0; n < GROUSER_OUTPUTS; n++) forces[(first + l) * GROUSER_OUTPUTS + n] = out.force[n][l];
   }
@@ -133,7 +154,10 @@ static grouser_kernel track_net_kernel(grouser_track_net *net) {
                                  track_net_evaluate_track,
                                  track_net_evaluate_block,
                                  track_net_evaluate_rows,
-                                 track_net_evaluate_body};
+                                 track_net_evaluate_body,
+                                 track_net_prepare_block,
+                                 grouser_track_net_prepared_rows(net),
+                                 NULL};
   return kernel;
 }
 
@@ -147,10 +171,11 @@ static const char *gated_refuses(const void *self, const double *x) {
 }
 
 static grouser_kernel gated_kernel(const grouser_gated *gated) {
-  const grouser_kernel kernel = {gated, gated->fallback.columns, gated_evaluate, gated_refuses, NULL, NULL, NULL, NULL};
+  const grouser_kernel kernel = {gated, gated->fallback.columns, gated_evaluate, gated_refuses, NULL, NULL, NULL, NULL,
+                                 NULL,  0, NULL};
   return kernel;
 }
 
 extern const grouser_level GROUSER_LEVEL_TABLE;
 const grouser_level GROUSER_LEVEL_TABLE = {GROUSER_LEVEL_NAME, physics_kernel, mlp_kernel, gated_kernel,
-                                                  track_net_kernel};
+                                                  track_net_kernel, grouser_fleet_advance_lanes};

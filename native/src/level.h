@@ -2,6 +2,7 @@
 #ifndef GROUSER_LEVEL_H
 #define GROUSER_LEVEL_H
 
+#include "grouser/fleet.h"
 #include "grouser/gated.h"
 #include "grouser/kernel.h"
 #include "grouser/mlp.h"
@@ -15,6 +16,7 @@ typedef struct {
   grouser_kernel (*mlp)(grouser_mlp *net);
   grouser_kernel (*gated)(const grouser_gated *gated);
   grouser_kernel (*track_net)(grouser_track_net *net);
+  grouser_advance_lanes advance_lanes;
 } grouser_level;
 
 /* Compiled levels that the processor can run, best first; returns how many. */

@@ -173,6 +173,7 @@ static int build(fleet_object *self, PyObject *arguments, PyObject *keywords) {
   self->fleet.plant = &self->plant;
   self->fleet.grounds = self->grounds;
   self->fleet.traits = self->traits;
+  self->fleet.advance_lanes = grouser_chosen_level()->advance_lanes;
   self->without_ground = self->fleet.vehicles;
   self->hold = (grouser_fleet_hold){&self->fleet, &self->pool, &self->advancing, &self->without_ground};
   self->pooled = grouser_pool_start(&self->pool, threads);

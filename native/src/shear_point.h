@@ -30,13 +30,19 @@ typedef struct {
   double y, y_by_vx, y_by_vy, y_by_yaw, y_by_belt, y_by_modulus;
 } grouser_shear_point;
 
+/* Sets what the body's motion decides; the rest follows from belt and ground. */
+static inline void grouser_move_slip(grouser_slip *s, double vx, double vy, double yaw_rate, double belt,
+                                     double half_tread, double center) {
+  s->along = vx - half_tread * yaw_rate - belt;
+  s->across = vy + center * yaw_rate;
+  s->yaw_rate = yaw_rate;
+}
+
 static inline grouser_slip grouser_slip_of(double vx, double vy, double yaw_rate, double belt, double modulus,
                                            double half_tread, double center, double soft_speed) {
   const double soft_square = soft_speed * soft_speed, soft_belt = sqrt(belt * belt + soft_square);
   grouser_slip s;
-  s.along = vx - half_tread * yaw_rate - belt;
-  s.across = vy + center * yaw_rate;
-  s.yaw_rate = yaw_rate;
+  grouser_move_slip(&s, vx, vy, yaw_rate, belt, half_tread, center);
   s.soft_belt = soft_belt;
   s.direction = belt / soft_belt;
   s.direction_slope = soft_square / (soft_belt * soft_belt * soft_belt);
@@ -54,11 +60,18 @@ static inline double grouser_shear_factor_slope(double z, double rise, double fa
   return z < 1e-3 ? series : (1.0 + rise - factor) * inverse;
 }
 
-static inline grouser_shear_point grouser_shear_at(const grouser_slip s, const grouser_part p) {
-  const double spread = s.along * s.along + p.width_square * (s.yaw_rate * s.yaw_rate) + GROUSER_TINY_SQUARE;
+/* Size of the slip velocity at one end of a part, over the width of the track. */
+static inline double grouser_slip_size(const grouser_slip s, double end, double width_square) {
+  const double spread = s.along * s.along + width_square * (s.yaw_rate * s.yaw_rate) + GROUSER_TINY_SQUARE;
+  const double across = s.across + end * s.yaw_rate;
+  return sqrt(spread + across * across);
+}
+
+/* The shear at a point, from the sizes at the ends of its part. */
+static inline grouser_shear_point grouser_shear_between(const grouser_slip s, const grouser_part p, double rear_size,
+                                                        double front_size) {
   const double spread_by_yaw = p.width_square * s.yaw_rate - p.half_tread * s.along;
   const double rear = s.across + p.rear * s.yaw_rate, front = s.across + p.front * s.yaw_rate;
-  const double rear_size = sqrt(spread + rear * rear), front_size = sqrt(spread + front * front);
   const double by_both = 0.5 / (rear_size * front_size), by_rear = by_both * front_size, by_front = by_both * rear_size;
   const double size = 0.5 * (rear_size + front_size);
   const double size_by_vx = s.along * (by_rear + by_front), size_by_vy = rear * by_rear + front * by_front;
@@ -99,6 +112,11 @@ static inline grouser_shear_point grouser_shear_at(const grouser_slip s, const g
   j.y_by_belt = -decay * bend * z_by_belt + decay * bend_by_belt - gain_by_belt * middle;
   j.y_by_modulus = -decay * bend * z_by_modulus - decay * bend / s.modulus - gain_by_modulus * middle;
   return j;
+}
+
+static inline grouser_shear_point grouser_shear_at(const grouser_slip s, const grouser_part p) {
+  return grouser_shear_between(s, p, grouser_slip_size(s, p.rear, p.width_square),
+                               grouser_slip_size(s, p.front, p.width_square));
 }
 
 /* The gate 1 - exp(-z) at the middle of the track, and z, with z by the same five. */

@@ -4,8 +4,18 @@
 
 #include "threads.h"
 
-static void run_alone(const grouser_pool *pool, grouser_share share, void *work) {
-  for (int part = 0; part < pool->threads; part++) share(work, part, pool->threads);
+/* As many as a crew of a fleet has; see fleet_lanes.c. */
+enum { BLOCKS_A_PART = 8 };
+
+static void run_alone(grouser_share share, int parts, void *work) {
+  for (int part = 0; part < parts; part++) share(work, part, parts);
+}
+
+int grouser_pool_parts(const grouser_pool *pool, int blocks) {
+  if (!pool || pool->threads == 1) return 1;
+  const int crews = (blocks + BLOCKS_A_PART - 1) / BLOCKS_A_PART;
+  const int parts = crews > pool->threads ? crews : pool->threads;
+  return parts < blocks ? parts : blocks;
 }
 
 #if GROUSER_PTHREADS
@@ -15,21 +25,25 @@ static void run_alone(const grouser_pool *pool, grouser_share share, void *work)
 /* The C libraries differ widely in what a thread gets by default; a kernel's scratch takes some 100 kB. */
 enum { STACK_SIZE = 1 << 21 };
 
-static void *serve(void *seat_pointer) {
-  const grouser_seat *seat = (const grouser_seat *)seat_pointer;
-  grouser_pool *pool = seat->pool;
-  int round = 0;
-  pthread_mutex_lock(&pool->lock);
-  for (;;) {
-    while (pool->round == round && !pool->stopping) pthread_cond_wait(&pool->called, &pool->lock);
-    if (pool->stopping) break;
-    round = pool->round;
+/* Takes shares until there are none left to take; called and left with the lock held. */
+static void take_shares(grouser_pool *pool) {
+  while (pool->next < pool->parts) {
     const grouser_share share = pool->share;
     void *work = pool->work;
+    const int part = pool->next++, parts = pool->parts;
     pthread_mutex_unlock(&pool->lock);
-    share(work, seat->part, pool->threads);
+    share(work, part, parts);
     pthread_mutex_lock(&pool->lock);
-    if (--pool->busy == 0) pthread_cond_signal(&pool->finished);
+    if (--pool->unfinished == 0) pthread_cond_signal(&pool->finished);
+  }
+}
+
+static void *serve(void *pool_pointer) {
+  grouser_pool *pool = (grouser_pool *)pool_pointer;
+  pthread_mutex_lock(&pool->lock);
+  while (!pool->stopping) {
+    take_shares(pool);
+    if (!pool->stopping) pthread_cond_wait(&pool->called, &pool->lock);
   }
   pthread_mutex_unlock(&pool->lock);
   return 0;
@@ -38,7 +52,7 @@ static void *serve(void *seat_pointer) {
 int grouser_pool_start(grouser_pool *pool, int threads) {
   pthread_attr_t attributes;
   pool->threads = 1;
-  pool->round = pool->busy = pool->stopping = 0;
+  pool->parts = pool->next = pool->unfinished = pool->stopping = 0;
   pool->process = getpid();
   if (pthread_mutex_init(&pool->lock, 0) != 0) return 0;
   pthread_cond_init(&pool->called, 0);
@@ -46,10 +60,7 @@ int grouser_pool_start(grouser_pool *pool, int threads) {
   pthread_attr_init(&attributes);
   pthread_attr_setstacksize(&attributes, STACK_SIZE);
   while (pool->threads < threads) {
-    const int part = pool->threads;
-    pool->seats[part].pool = pool;
-    pool->seats[part].part = part;
-    if (pthread_create(&pool->workers[part], &attributes, serve, &pool->seats[part]) != 0) break;
+    if (pthread_create(&pool->workers[pool->threads], &attributes, serve, pool) != 0) break;
     pool->threads++;
   }
   pthread_attr_destroy(&attributes);
@@ -58,21 +69,19 @@ int grouser_pool_start(grouser_pool *pool, int threads) {
   return 0;
 }
 
-void grouser_pool_run(grouser_pool *pool, grouser_share share, void *work) {
-  if (pool->threads == 1 || pool->process != getpid()) {
-    run_alone(pool, share, work);
+void grouser_pool_run(grouser_pool *pool, grouser_share share, int parts, void *work) {
+  if (parts == 1 || pool->threads == 1 || pool->process != getpid()) {
+    run_alone(share, parts, work);
     return;
   }
   pthread_mutex_lock(&pool->lock);
   pool->share = share;
   pool->work = work;
-  pool->busy = pool->threads - 1;
-  pool->round = !pool->round;
+  pool->parts = pool->unfinished = parts;
+  pool->next = 0;
   pthread_cond_broadcast(&pool->called);
-  pthread_mutex_unlock(&pool->lock);
-  share(work, 0, pool->threads);
-  pthread_mutex_lock(&pool->lock);
-  while (pool->busy > 0) pthread_cond_wait(&pool->finished, &pool->lock);
+  take_shares(pool);
+  while (pool->unfinished > 0) pthread_cond_wait(&pool->finished, &pool->lock);
   pthread_mutex_unlock(&pool->lock);
 }
 
@@ -96,7 +105,10 @@ int grouser_pool_start(grouser_pool *pool, int threads) {
   return 1;
 }
 
-void grouser_pool_run(grouser_pool *pool, grouser_share share, void *work) { run_alone(pool, share, work); }
+void grouser_pool_run(grouser_pool *pool, grouser_share share, int parts, void *work) {
+  (void)pool;
+  run_alone(share, parts, work);
+}
 
 void grouser_pool_stop(grouser_pool *pool) { (void)pool; }
 

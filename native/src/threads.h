@@ -15,34 +15,28 @@ enum { GROUSER_MAX_THREADS = 64 };
 /* One of `parts` shares of the work, counted from 0. */
 typedef void (*grouser_share)(void *work, int part, int parts);
 
-struct grouser_pool;
-
-/* What a worker is told of itself. */
-typedef struct {
-  struct grouser_pool *pool;
-  int part;
-} grouser_seat;
-
 typedef struct grouser_pool {
   int threads; /* the caller's among them */
 #if GROUSER_PTHREADS
-  grouser_seat seats[GROUSER_MAX_THREADS];
   pthread_t workers[GROUSER_MAX_THREADS];
   pthread_mutex_t lock;
   pthread_cond_t called, finished;
   pid_t process;
-  int round, busy, stopping;
   grouser_share share;
   void *work;
+  int parts, next, unfinished, stopping; /* shares of the work: all, the first that nobody has taken, those left */
 #endif
 } grouser_pool;
 
 /* Starts threads - 1 workers, threads in [1, GROUSER_MAX_THREADS]; 0 if the system refuses one, and none are left. */
 int grouser_pool_start(grouser_pool *pool, int threads);
 
-/* Runs every share and returns when all are done. The shares do not depend on what runs them: where there are no
- * threads, or they were lost to a fork, the caller runs them one after another. */
-void grouser_pool_run(grouser_pool *pool, grouser_share share, void *work);
+/* Runs `parts` shares and returns when all are done; who is free takes the next one. The shares do not depend on what
+ * runs them: where there are no threads, or they were lost to a fork, the caller runs them one after another. */
+void grouser_pool_run(grouser_pool *pool, grouser_share share, int parts, void *work);
+
+/* Shares that so many blocks of vehicles are best split into: whole crews, unless threads would be idle. */
+int grouser_pool_parts(const grouser_pool *pool, int blocks);
 
 void grouser_pool_stop(grouser_pool *pool);
 

@@ -4,6 +4,7 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "motion.h"
 #include "tick_parts.h"
 
 void grouser_plant_init(grouser_plant *plant, const grouser_vehicle *vehicle, const grouser_kernel *kernel,
@@ -37,17 +38,6 @@ grouser_vehicle_state grouser_vehicle_at_rest(void) {
   return state;
 }
 
-/* dV/dt = clip((u - V)/T_d, +-a): while the gap exceeds a T_d the belt ramps, then it closes in exponentially. */
-static double belt_after(const grouser_traits *traits, double speed, double command, double elapsed, double decay) {
-  const double gap = command - speed, acceleration = traits->belt_acceleration;
-  const double linear_gap = acceleration * traits->belt_time_constant;
-  const double ramp_time = (fabs(gap) - linear_gap) / acceleration;
-  if (ramp_time >= elapsed) return speed + copysign(acceleration, gap) * elapsed;
-  if (ramp_time > 0)
-    return command - copysign(linear_gap, gap) * exp(-(elapsed - ramp_time) / traits->belt_time_constant);
-  return command - gap * decay;
-}
-
 static int finite_state(const grouser_vehicle_state *state) {
   return isfinite(state->x + state->y + state->heading + state->vx + state->vy + state->yaw_rate + state->v_left +
                   state->v_right + state->ax + state->ay + state->time);
@@ -69,11 +59,11 @@ enum grouser_status grouser_tick_begin(const grouser_plant *plant, const grouser
   start->row[GROUSER_AX] = state->ax;
   start->row[GROUSER_AY] = state->ay;
   for (int side = 0; side < 2; side++) {
-    start->belts[side] = belt_after(traits, belts[side], command[side], plant->step, traits->decay);
+    start->belts[side] = grouser_belt_after(traits, belts[side], command[side], plant->step, traits->decay);
     start->row[GROUSER_V_LEFT + side] =
         plant->integrator == GROUSER_EULER
             ? belts[side]
-            : belt_after(traits, belts[side], command[side], plant->step / 2, traits->half_decay);
+            : grouser_belt_after(traits, belts[side], command[side], plant->step / 2, traits->half_decay);
   }
   /* A body on slipping tracks turns by about half of what its belts do: over a tick, by as much as they do in its second
    * half. */
@@ -125,7 +115,8 @@ enum grouser_status grouser_tick_finish(const grouser_plant *plant, grouser_tick
   const double half = plant->step / 2, c0 = start->cosine, s0 = start->sine;
   grouser_vehicle_state end = *state;
   end.heading = state->heading + half * (state->yaw_rate + body.yaw_rate);
-  const double c1 = cos(end.heading), s1 = sin(end.heading);
+  const grouser_turn turn = grouser_turn_of(end.heading);
+  const double c1 = turn.cosine, s1 = turn.sine;
   end.x = state->x + half * (c0 * state->vx - s0 * state->vy + c1 * body.vx - s1 * body.vy);
   end.y = state->y + half * (s0 * state->vx + c0 * state->vy + s1 * body.vx + c1 * body.vy);
   end.vx = body.vx;
@@ -150,8 +141,9 @@ enum grouser_status grouser_tick(const grouser_plant *plant, const grouser_groun
   grouser_body_step step;
   memset(&start, 0, sizeof start);
   start.traits = &plant->traits;
-  start.cosine = cos(state->heading);
-  start.sine = sin(state->heading);
+  const grouser_turn turn = grouser_turn_of(state->heading);
+  start.cosine = turn.cosine;
+  start.sine = turn.sine;
   enum grouser_status status = grouser_tick_begin(plant, ground, command, state, &start);
   if (status == GROUSER_SOLVED) status = grouser_tick_solve(plant, &start, state, &step);
   if (status == GROUSER_SOLVED) status = grouser_tick_finish(plant, &start, step.body, step.force, state);

@@ -131,6 +131,9 @@ def _kernel(read: Read, name: str, table: str = "") -> str:
         "evaluate_block": "NULL",
         "evaluate_rows": "NULL",
         "evaluate_body": "NULL",
+        "prepare_block": "NULL",
+        "prepared_rows": "0",
+        "evaluate_track_block": "NULL",
     }
     return struct(read(core.KERNEL_HEADER), "grouser_kernel", values)
 

@@ -12,7 +12,18 @@ from grouser.terrain import PhysicsBackend, RigidTerrain, SlopedGround, TrackedV
 
 NATIVE = Path(__file__).resolve().parents[2] / "native"
 CORES = ["detector", "guard", "ground", "body", "tick"]
-ENGINE = [*CORES, "fleet_deck", "fleet_lanes", "fleet", "threads"]
+ENGINE = [
+    *CORES,
+    "load_block",
+    "physics_block",
+    "slip_power",
+    "fleet_arrays",
+    "fleet_block",
+    "fleet_deck",
+    "fleet_lanes",
+    "fleet",
+    "threads",
+]
 COMPILER = shutil.which("cc")
 M113 = TrackedVehicle.preset("m113")
 
@@ -35,7 +46,7 @@ static const char *refuses(const void *block, const double *x) {
 int main(void) {
   grouser_physics block = {GROUSER_RIGID, GROUSER_CONTINUOUS, GROUSER_SOFT_PATH, GROUSER_DOUBLE, 5, 2, 1, 11300, 9.81, 2.667,
                            2.667 / 5, 2.667 / 5, 2.159, 0.38, 0.79, 0, 0.1};
-  grouser_kernel kernel = {&block, grouser_columns(block.mode), evaluate, refuses, NULL, NULL, NULL, NULL};
+  grouser_kernel kernel = {&block, grouser_columns(block.mode), evaluate, refuses, NULL, NULL, NULL, NULL, NULL, 0, NULL};
   grouser_vehicle vehicle = {11300, 37300, 2.159, 0, 9.81, 0.2, 4.0};
   grouser_ground ground;
   grouser_plant plant;

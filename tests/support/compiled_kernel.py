@@ -38,6 +38,7 @@ class _Kernel(ctypes.Structure):
                 ctypes.c_void_p,
                 ctypes.POINTER(_Rows),
                 ctypes.POINTER(_Rows),
+                _double_p,
                 ctypes.c_int,
                 ctypes.POINTER(_Forces),
             ),
@@ -46,6 +47,15 @@ class _Kernel(ctypes.Structure):
         (
             "evaluate_body",
             ctypes.CFUNCTYPE(None, ctypes.c_void_p, _double_p, _double_p, ctypes.c_int, _double_p, _double_p),
+        ),
+        (
+            "prepare_block",
+            ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Rows), ctypes.POINTER(_Rows), _double_p),
+        ),
+        ("prepared_rows", ctypes.c_int),
+        (
+            "evaluate_track_block",
+            ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Rows), ctypes.c_int, _double_p),
         ),
     )
 
@@ -65,20 +75,43 @@ class Slopes(enum.IntEnum):
     EXACT = 2
 
 
+def _block_rows(x: FloatArray) -> _Rows:
+    rows = _Rows()
+    for column, values in enumerate(x.T):
+        rows.column[column][:] = values.tolist()
+    return rows
+
+
 def block_forces(
-    compiled: Any, left: FloatArray, right: FloatArray, wanted: Slopes = Slopes.EXACT
+    compiled: Any,
+    left: FloatArray,
+    right: FloatArray,
+    wanted: Slopes = Slopes.EXACT,
+    *,
+    prepared_from: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return forces (16, 3) and slopes by vx, vy, yaw rate (16, 3, 3) of 16 rows a track."""
+    """Return forces (16, 3) and slopes by vx, vy, yaw rate (16, 3, 3) of 16 rows a track.
+
+    They are prepared from other rows if there are such, of both tracks.
+    """
     kernel = kernel_of(compiled)
-    rows = []
-    for x in (left, right):
-        each = _Rows()
-        for column, values in enumerate(x.T):
-            each.column[column][:] = values.tolist()
-        rows.append(each)
+    rows = [_block_rows(x) for x in (left, right)]
+    given = rows if prepared_from is None else [_block_rows(prepared_from)] * 2
     out = _Forces()
-    kernel.evaluate_block(kernel.self, rows[0], rows[1], wanted, out)
+    numbers = np.empty((kernel.prepared_rows, BLOCK))
+    prepared = numbers.ctypes.data_as(_double_p)
+    if kernel.prepare_block:
+        kernel.prepare_block(kernel.self, given[0], given[1], prepared)
+    kernel.evaluate_block(kernel.self, rows[0], rows[1], prepared, wanted, out)
     return np.array(out.force).T, np.moveaxis(np.array(out.slope), -1, 0)
+
+
+def track_block_forces(compiled: Any, x: FloatArray, side: int) -> FloatArray:
+    """Return the forces (16, 3) of one track (0 left, 1 right) of 16 rows."""
+    kernel = kernel_of(compiled)
+    forces = np.empty((3, BLOCK))
+    kernel.evaluate_track_block(kernel.self, _block_rows(x), side, forces.ctypes.data_as(_double_p))
+    return forces.T
 
 
 def body_forces(

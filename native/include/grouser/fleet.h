@@ -40,7 +40,13 @@ enum grouser_record_row {
   GROUSER_RECORD_ROWS
 };
 
-typedef struct {
+typedef struct grouser_fleet grouser_fleet;
+
+/* Advances the vehicles from `first` up to but not including `end`, as grouser_fleet_advance does all of them. */
+typedef void (*grouser_advance_lanes)(const grouser_fleet *fleet, const double *commands, int ticks, int first,
+                                      int end);
+
+struct grouser_fleet {
   const grouser_plant *plant;
   int vehicles;
   const grouser_ground *grounds; /* vehicles */
@@ -49,15 +55,23 @@ typedef struct {
   double *guard;                 /* GROUSER_GUARD_ROWS x vehicles */
   double *record;                /* GROUSER_RECORD_ROWS x vehicles: of the last tick that was solved */
   unsigned char *status;         /* vehicles, enum grouser_status: one that is not solved is left alone */
-} grouser_fleet;
+  grouser_advance_lanes advance_lanes; /* of a vector level: they differ in nothing but speed */
+};
+
+/* Vehicles from `first` up to but not including `end`. */
+typedef struct {
+  int first, end;
+} grouser_range;
+
+int grouser_fleet_blocks(int vehicles);
+
+/* One of `parts` shares of the vehicles, counted from 0: whole blocks. */
+grouser_range grouser_share_of(int vehicles, int part, int parts);
 
 struct grouser_pool;
 
 /* Advances every vehicle by `ticks` under the commands (vehicles x 2: left, right; m/s). A vehicle that is lost on the
  * way keeps the state before that tick. `pool` may be NULL: the caller's thread alone. */
 void grouser_fleet_advance(const grouser_fleet *fleet, const double *commands, int ticks, struct grouser_pool *pool);
-
-/* The same for the vehicles from `first` up to but not including `end`. */
-void grouser_fleet_advance_range(const grouser_fleet *fleet, const double *commands, int ticks, int first, int end);
 
 #endif

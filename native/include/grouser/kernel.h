@@ -9,8 +9,8 @@
 
 #define GROUSER_KERNEL_CAPSULE "grouser.kernel"
 
-/* Vehicles that are evaluated at once. */
-enum { GROUSER_BLOCK = 16 };
+/* Vehicles that are evaluated at once, and the most rows of numbers that are prepared for them. */
+enum { GROUSER_BLOCK = 16, GROUSER_MAX_PREPARED = 160 };
 
 /* Interface rows of a block, column by column. */
 typedef struct {
@@ -37,15 +37,25 @@ typedef struct {
   /* Writes the same of one track (0 left, 1 right); NULL where the tracks are not known apart. */
   void (*evaluate_track)(const void *self, const double *x, int side, double *forces, double *jacobian);
   /* Evaluates a block, each track from its own rows (right may be left itself). A lane whose row is not finite gives
-   * NaN there and leaves the others alone. NULL where rows are taken one by one. */
+   * NaN there and leaves the others alone. `prepared` is what prepare_block wrote for these lanes, if there is such.
+   * NULL where rows are taken one by one. */
   void (*evaluate_block)(const void *self, const grouser_block_rows *left, const grouser_block_rows *right,
-                         enum grouser_slopes_wanted wanted, grouser_block_forces *out);
+                         const double (*prepared)[GROUSER_BLOCK], enum grouser_slopes_wanted wanted,
+                         grouser_block_forces *out);
   /* Writes the forces (rows x 3) of many rows; NULL where that is no faster than one by one. */
   void (*evaluate_rows)(const void *self, const double *x, ptrdiff_t rows, double *forces);
   /* Writes the forces of one vehicle, the right track from its own row or, if NULL, from the left one, and their slopes
    * by vx, vy and yaw rate, as far as they are wanted; NULL where evaluate is as good. */
   void (*evaluate_body)(const void *self, const double *left, const double *right, enum grouser_slopes_wanted wanted,
                         double *forces, double slopes[GROUSER_OUTPUTS][3]);
+  /* Writes what belts, accelerations and terrain alone decide, lane by lane in `prepared_rows` rows: once for as many
+   * evaluations as the body takes within a tick. NULL where nothing is worth it. */
+  void (*prepare_block)(const void *self, const grouser_block_rows *left, const grouser_block_rows *right,
+                        double (*prepared)[GROUSER_BLOCK]);
+  int prepared_rows;
+  /* Writes the forces of one track of a block; NULL where they are taken row by row. */
+  void (*evaluate_track_block)(const void *self, const grouser_block_rows *rows, int side,
+                               double force[GROUSER_OUTPUTS][GROUSER_BLOCK]);
 } grouser_kernel;
 
 #endif

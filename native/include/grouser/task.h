@@ -39,10 +39,6 @@ typedef struct {
 /* Belt-speed command in m/s for an action in [-1, 1]^2; a twist saturates at the belts. */
 void grouser_task_command(const grouser_task *task, const double action[2], double command[2]);
 
-/* VtL FL + VtR FR - (Qx Vx + Qy Vy + Mz yaw rate) of the shear forces in W, for the interface rows that both tracks
- * received in a tick and the share of the weight that pressed on the ground. */
-double grouser_slip_power(const grouser_kernel *block, const double *left, const double *right, double load_ratio);
-
 /* Writes what is not the task's own into an observation: GROUSER_SEEN_MOTION first, and after the task's part the
  * action and the terrain. */
 void grouser_task_observe(const grouser_task *task, const grouser_sight *sight, const double action[2],

@@ -34,13 +34,16 @@ GROUSER_CORE void grouser_track_net_track(const grouser_track_net *net, const do
                                           double force[GROUSER_OUTPUTS], double *jacobian);
 GROUSER_CORE void grouser_track_net_forces(const grouser_track_net *net, const double *x, double force[GROUSER_OUTPUTS],
                                            double *jacobian);
-/* As evaluate_body and evaluate_block of a grouser_kernel, the same to the bit. Leading slopes are those of the
- * quadrature over the shear points. */
+/* As evaluate_body, prepare_block and evaluate_block of a grouser_kernel, the same to the bit. Leading slopes are those
+ * of the quadrature over the shear points. */
 GROUSER_CORE void grouser_track_net_body(const grouser_track_net *net, const double *left, const double *right,
                                          enum grouser_slopes_wanted wanted, double force[GROUSER_OUTPUTS],
                                          double slope[GROUSER_OUTPUTS][3]);
+GROUSER_CORE int grouser_track_net_prepared_rows(const grouser_track_net *net);
+GROUSER_CORE void grouser_track_net_prepare_block(const grouser_track_net *net, const grouser_block_rows *left,
+                                                  const grouser_block_rows *right, double (*prepared)[GROUSER_BLOCK]);
 GROUSER_CORE void grouser_track_net_block(const grouser_track_net *net, const grouser_block_rows *left,
-                                          const grouser_block_rows *right, enum grouser_slopes_wanted wanted,
-                                          grouser_block_forces *out);
+                                          const grouser_block_rows *right, const double (*prepared)[GROUSER_BLOCK],
+                                          enum grouser_slopes_wanted wanted, grouser_block_forces *out);
 
 #endif
