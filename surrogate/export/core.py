@@ -41,11 +41,10 @@ KERNEL_HEADER: Final = "include/grouser/kernel.h"
 # GROUSER_PANEL of the core's dense.h.
 _PANEL: Final = 16
 
-# The block asks for its path by name: without the exact one, both names are the soft one's.
+# The block asks for its path by name: without the exact one, its name is the soft one's.
 _NO_EXACT_PATH: Final = """\
 /* The fallback takes the soft path: the exact one is left out. */
-#define grouser_exact_forces grouser_soft_forces
-#define grouser_exact_slopes grouser_soft_slopes
+#define grouser_exact_cells grouser_soft_cells
 """
 
 
