@@ -1,4 +1,4 @@
-"""The compiled cells: grids larger than what is summed at once, lifted elements, mirror images, what the levels share."""
+"""The compiled cells: grids beyond what is summed at once, lifted elements, mirror images, what the levels share."""
 
 import os
 import subprocess
@@ -141,7 +141,7 @@ def test_float32_holds_on_large_grids_where_elements_lift(mode: Mode) -> None:
     ids=["soft", "exact", "float32"],
 )
 def test_the_saturation_is_as_near_to_its_closed_form_as_documented(backend: CompiledBackend, tolerance: float) -> None:
-    """On locked tracks that are pushed sideways every cell has the same z = |Vy| L/(2 V_eps K): Qy = -mu W (1 - e^-z)."""
+    """On locked tracks pushed sideways every cell has the same z = |Vy| L/(2 V_eps K): Qy = -mu W (1 - e^-z)."""
     z = np.concatenate([np.logspace(-10, 3, 400), np.log(2) * np.arange(0.5, 40, 0.5)])
     x = np.zeros((len(z), 10))
     x[:, 7:] = 0.7, 0.0, 0.05
