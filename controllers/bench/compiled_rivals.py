@@ -20,7 +20,7 @@ PLAIN_FLAGS: Final = {
     "plain C, -O3 -march=native -ffast-math": ("-O3", "-march=native", "-ffast-math"),
 }
 #: The project's physics without vectors.
-SCALAR_FLAGS: Final = ("-O2", "-fno-tree-vectorize", "-ffp-contract=off", "-fno-math-errno")
+SCALAR_FLAGS: Final = ("-O2", "-DGROUSER_SCALAR", "-fno-tree-vectorize", "-ffp-contract=off", "-fno-math-errno")
 
 # As time_calls of the core: every call takes a little of the last one's force into its row.
 TIMER: Final = """\

@@ -1,179 +1,193 @@
 #include "grouser/physics.h"
 
 #include <math.h>
-#include <stddef.h>
 #include <string.h>
 
 #include "cells.h"
-#include "load.h"
+#include "place.h"
 
 static const char *const RIGID_COLUMNS[] = {GROUSER_RIGID_COLUMNS};
 static const char *const SOIL_COLUMNS[] = {GROUSER_SOIL_COLUMNS};
 
-static void fill_strip(const grouser_physics *block, double sign, int first, grouser_cell_strip *strip) {
-  const int cells = block->along * block->across;
-  const double length = block->element_length;
-  const int count = cells - first < GROUSER_STRIP ? cells - first : GROUSER_STRIP;
-  strip->count = count;
-  strip->lanes = (count + GROUSER_LANES - 1) / GROUSER_LANES * GROUSER_LANES;
-  for (int n = 0; n < strip->lanes; n++) {
-    const int cell = n < count ? first + n : first;
-    const int i = cell / block->across, j = cell % block->across;
-    strip->offset[n] = ((i + 0.5) / block->along - 0.5) * length;
-    strip->y[n] = sign * (block->tread / 2 + ((j + 0.5) / block->across - 0.5) * block->track_width);
-    strip->weight[n] = n < count ? 1.0 : 0.0;
+static const enum grouser_side BOTH_SIDES[] = {GROUSER_LEFT, GROUSER_RIGHT};
+
+/* Sums over the cells of a track: see grouser_patch_sums. */
+typedef struct {
+  double force[GROUSER_OUTPUTS];
+  double slope[GROUSER_SLOPES][GROUSER_OUTPUTS];
+  double weighted[GROUSER_WEIGHTED][GROUSER_OUTPUTS];
+} track_sums;
+
+static double lane_total(const double lane[GROUSER_STATIONS]) {
+  return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
+}
+
+static void add_patch(const grouser_physics *block, enum grouser_wanted wanted, const grouser_patch_sums *sums,
+                      track_sums *to) {
+  const int slopes = wanted == GROUSER_FORCES_WANTED        ? 0
+                     : wanted == GROUSER_BODY_SLOPES_WANTED ? GROUSER_BODY_SLOPES
+                                                            : GROUSER_SLOPES;
+  const int weights = wanted != GROUSER_ALL_SLOPES_WANTED ? 0
+                      : block->mode == GROUSER_RIGID      ? GROUSER_RIGID_WEIGHTED
+                                                          : GROUSER_WEIGHTED;
+  const int symmetric = block->path == GROUSER_SOFT_PATH;
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) {
+    to->force[n] += lane_total(sums->force[n]);
+    for (int by = 0; by < slopes; by++)
+      if (!grouser_mirrored(symmetric, by, n)) to->slope[by][n] += lane_total(sums->slope[by][n]);
+    for (int w = 0; w < weights; w++) to->weighted[w][n] += lane_total(sums->weighted[w][n]);
   }
 }
 
-static void place_element(const grouser_physics *block, int i, grouser_element_motion *m) {
-  const double arm = grouser_element_arm(block, i);
-  m->center = block->contact_center + arm;
-  m->reach = block->contact == GROUSER_CONTINUOUS ? arm : 0.0;
+static void add_cells(const grouser_physics *block, const grouser_layout *layout, const grouser_track *tracks,
+                      int count, enum grouser_wanted wanted, track_sums *sums) {
+  grouser_stations at[GROUSER_RUN];
+  grouser_strip strips[2];
+  grouser_patch_sums own[2];
+  grouser_patch patch = {count, 0, tracks, strips, at};
+  memset(sums, 0, sizeof *sums * (size_t)count);
+  for (int first = 0; first < layout->count; first += GROUSER_RUN * GROUSER_STATIONS) {
+    patch.count = grouser_place_run(layout, tracks, count, first, wanted == GROUSER_ALL_SLOPES_WANTED, at);
+    for (int column = 0; column < block->across; column += GROUSER_STRIP) {
+      for (int n = 0; n < count; n++) grouser_fill_strip(block, &tracks[n], column, &strips[n]);
+      if (block->path == GROUSER_EXACT_PATH)
+        grouser_exact_cells(&patch, wanted, own);
+      else if (block->precision == GROUSER_SINGLE)
+        grouser_single_cells(&patch, wanted, own);
+      else
+        grouser_soft_cells(&patch, wanted, own);
+      for (int n = 0; n < count; n++) add_patch(block, wanted, &own[n], &sums[n]);
+    }
+  }
 }
 
-/* Sums of every element of one track. */
-static void integrate_track(const grouser_physics *block, const double *row, double belt, double sign,
-                            enum grouser_wanted wanted, grouser_element_sums *sums) {
-  const double soft_square = block->soft_speed * block->soft_speed;
-  const int continuous = block->contact == GROUSER_CONTINUOUS;
-  const int exact = block->path == GROUSER_EXACT_PATH;
-  grouser_element_motion m;
-  m.vx = row[GROUSER_VX];
-  m.vy = row[GROUSER_VY];
-  m.yaw_rate = row[GROUSER_YAW_RATE];
-  m.belt = belt;
-  m.half_travel = (continuous ? block->contact_length : block->element_length) / 2;
-  m.soft_belt = sqrt(belt * belt + soft_square);
-  m.modulus = row[grouser_columns(block->mode) - 1];
-  m.direction = belt / m.soft_belt;
-  m.direction_slope = soft_square / (m.soft_belt * m.soft_belt * m.soft_belt);
-  memset(sums, 0, sizeof *sums * (size_t)block->wheels);
-  const int cells = block->along * block->across, single = block->precision == GROUSER_SINGLE;
-  for (int first = 0; single && first < cells; first += GROUSER_SINGLE_STRIP) {
-    grouser_single_strip strip;
-    grouser_fill_single_strip(block, first, &strip);
-    for (int i = 0; i < block->wheels; i++) {
-      place_element(block, i, &m);
-      grouser_single_cells(&m, &strip, sign * block->tread / 2, wanted, &sums[i]);
+static void force_of_track(const grouser_physics *block, const double *x, enum grouser_side side,
+                           const grouser_track *t, const track_sums *sums, double force[GROUSER_OUTPUTS]) {
+  const double sign = grouser_side_sign(side), lever = block->tread / 2;
+  const double rolling = -x[grouser_columns(block->mode) - 2] * t->load * t->direction;
+  const double along = rolling - sums->force[0];
+  force[0] = along;
+  force[1] = -sign * sums->force[1];
+  force[2] = -sign * (sums->force[2] + lever * along);
+}
+
+/* A derivative of [Fx, Fy, M] of a track, from that of the force against the slip about the track's middle. */
+static void to_vehicle(double sign, double lever, double scale, const double against[GROUSER_OUTPUTS],
+                       double out[GROUSER_OUTPUTS]) {
+  out[0] = -scale * against[0];
+  out[1] = -scale * sign * against[1];
+  out[2] = -scale * sign * (against[2] - lever * against[0]);
+}
+
+/* Slopes of a track's force by the vehicle's vx, vy, yaw rate and, if all are wanted, by its belt speed and K. */
+static void slopes_of_track(const grouser_physics *block, enum grouser_side side, const track_sums *sums, int slopes,
+                            double out[GROUSER_SLOPES][GROUSER_OUTPUTS]) {
+  const double sign = grouser_side_sign(side), lever = block->tread / 2;
+  double total[GROUSER_SLOPES][GROUSER_OUTPUTS];
+  for (int s = 0; s < slopes; s++)
+    for (int n = 0; n < GROUSER_OUTPUTS; n++) total[s][n] = sums->slope[s][n];
+  if (block->path == GROUSER_SOFT_PATH) {
+    /* Where the force hangs on the slip alone, its matrix is symmetric. */
+    total[GROUSER_BY_VY][0] = total[GROUSER_BY_VX][1];
+    total[GROUSER_BY_YAW_RATE][0] = total[GROUSER_BY_VX][2];
+    total[GROUSER_BY_YAW_RATE][1] = total[GROUSER_BY_VY][2];
+  }
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) {
+    total[GROUSER_BY_YAW_RATE][n] -= lever * total[GROUSER_BY_VX][n];
+    if (slopes > GROUSER_BY_BELT) total[GROUSER_BY_BELT][n] -= total[GROUSER_BY_VX][n];
+  }
+  for (int s = 0; s < slopes; s++) {
+    const int mirrored = s == GROUSER_BY_VY || s == GROUSER_BY_YAW_RATE;
+    to_vehicle(sign, lever, mirrored ? sign : 1.0, total[s], out[s]);
+  }
+}
+
+/* Adds one track's share of the jacobian. */
+static void add_jacobian(const grouser_physics *block, const double *x, enum grouser_side side, const grouser_track *t,
+                         const track_sums *sums, double *jacobian) {
+  const int columns = grouser_columns(block->mode), belt = side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT;
+  const double sign = grouser_side_sign(side), lever = block->tread / 2, rolling = x[columns - 2];
+  const double cells = (double)block->along * block->across;
+  double slope[GROUSER_SLOPES][GROUSER_OUTPUTS], weighted[GROUSER_WEIGHTED][GROUSER_OUTPUTS] = {{0}};
+  slopes_of_track(block, side, sums, GROUSER_SLOPES, slope);
+  for (int w = 0; w < GROUSER_WEIGHTED; w++) to_vehicle(sign, lever, 1.0, sums->weighted[w], weighted[w]);
+  const double fade = t->cohesion * t->per_full_contact, tangent = t->friction * cells;
+  const double resistance[GROUSER_OUTPUTS] = {-t->direction, 0, sign * lever * t->direction};
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) {
+    double *row = jacobian + n * columns;
+    const double by_share = t->friction * weighted[GROUSER_OF_SHARE][n] + fade * weighted[GROUSER_OF_FADING_SHARE][n];
+    const double by_share_slope =
+        t->friction * weighted[GROUSER_OF_SHARE_SLOPE][n] + fade * weighted[GROUSER_OF_FADING_SHARE_SLOPE][n];
+    const double by_tangent = t->load / cells * weighted[GROUSER_OF_SHARE][n];
+    row[GROUSER_VX] += slope[GROUSER_BY_VX][n];
+    row[GROUSER_VY] += slope[GROUSER_BY_VY][n];
+    row[GROUSER_YAW_RATE] += slope[GROUSER_BY_YAW_RATE][n];
+    row[GROUSER_AX] += t->load * by_share_slope;
+    row[GROUSER_AY] += t->load_by_ay * (by_share + rolling * resistance[n]);
+    row[belt] += slope[GROUSER_BY_BELT][n];
+    row[columns - 1] += slope[GROUSER_BY_MODULUS][n];
+    row[columns - 2] += t->load * resistance[n];
+    if (t->cohesive) {
+      row[GROUSER_TERRAIN] += block->element_length * block->track_width / cells * weighted[GROUSER_OF_COHESION][n];
+      row[GROUSER_TERRAIN + 1] += (1 + tangent * tangent) * by_tangent;
+    } else {
+      row[GROUSER_TERRAIN] += by_tangent;
     }
   }
-  for (int first = 0; !single && first < cells; first += GROUSER_STRIP) {
-    grouser_cell_strip strip;
-    fill_strip(block, sign, first, &strip);
-    for (int i = 0; i < block->wheels; i++) {
-      place_element(block, i, &m);
-      /* Forces come from their own pass, so that they have the same bits with and without slopes. */
-      (exact ? grouser_exact_forces : grouser_soft_forces)(&m, &strip, &sums[i]);
-      if (wanted != GROUSER_FORCES_WANTED)
-        (exact ? grouser_exact_slopes : grouser_soft_slopes)(&m, &strip, wanted, &sums[i]);
-    }
-  }
+  jacobian[belt] -= rolling * t->load * t->direction_slope;
+  jacobian[2 * columns + belt] += sign * lever * rolling * t->load * t->direction_slope;
 }
 
 void grouser_physics_track(const grouser_physics *block, const double *x, enum grouser_side side,
                            double force[GROUSER_OUTPUTS], double *jacobian) {
-  const int columns = grouser_columns(block->mode);
-  const double *terrain = x + GROUSER_TERRAIN;
-  const double rolling = x[columns - 2];
-  const int belt_column = side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT;
-  const int strength_columns = columns - GROUSER_TERRAIN - 2;
-  const double belt = x[belt_column];
-  const double sign = side == GROUSER_LEFT ? 1.0 : -1.0;
-  const double cell_area = block->element_length * block->track_width / (block->along * block->across);
-  const double soft_square = block->soft_speed * block->soft_speed;
-  const double soft_belt = sqrt(belt * belt + soft_square);
-  const double direction = belt / soft_belt;
-  const double lever = sign * block->tread / 2;
+  grouser_layout layout;
+  grouser_lay_out(block, &layout);
+  grouser_track track[2];
+  track_sums sums[2];
+  const int tracks = block->precision == GROUSER_SINGLE ? 2 : 1; /* whose vectors hold two */
+  for (int n = 0; n < tracks; n++) grouser_find_track(block, &layout, x, side, &track[n]);
+  add_cells(block, &layout, track, tracks, jacobian ? GROUSER_ALL_SLOPES_WANTED : GROUSER_FORCES_WANTED, sums);
+  force_of_track(block, x, side, track, sums, force);
+  if (!jacobian) return;
+  memset(jacobian, 0, sizeof(double) * GROUSER_OUTPUTS * (size_t)grouser_columns(block->mode));
+  add_jacobian(block, x, side, track, sums, jacobian);
+}
 
-  double share[GROUSER_MAX_WHEELS], share_by_ax[GROUSER_MAX_WHEELS], load_by_ay;
-  const double track_load = grouser_side_load(block, x[GROUSER_AY], side, &load_by_ay);
-  grouser_element_shares(block, x[GROUSER_AX], share, share_by_ax);
-
-  const double resistance = -rolling * track_load * direction;
-  force[0] = resistance;
-  force[1] = 0;
-  force[2] = -lever * resistance;
-  if (jacobian) {
-    memset(jacobian, 0, sizeof(double) * GROUSER_OUTPUTS * (size_t)columns);
-    const double by[3] = {-rolling * load_by_ay * direction,
-                          -rolling * track_load * soft_square / (soft_belt * soft_belt * soft_belt),
-                          -track_load * direction};
-    const int column[3] = {GROUSER_AY, belt_column, columns - 2};
-    for (int n = 0; n < 3; n++) {
-      jacobian[column[n]] += by[n];
-      jacobian[2 * columns + column[n]] -= lever * by[n];
-    }
-  }
-
-  const double tangent = grouser_friction_tangent(block, terrain);
-  grouser_element_sums sums[GROUSER_MAX_WHEELS];
-  integrate_track(block, x, belt, sign, jacobian ? GROUSER_ALL_SLOPES_WANTED : GROUSER_FORCES_WANTED, sums);
-  for (int i = 0; i < block->wheels; i++) {
-    const double load = track_load * share[i];
-    const grouser_strength s = grouser_shear_strength(block, terrain, tangent, load);
-    const double scale = s.stress * cell_area;
-    for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += scale * sums[i].force[n];
-    if (!jacobian) continue;
-    for (int n = 0; n < GROUSER_OUTPUTS; n++) {
-      double *slope = jacobian + n * columns;
-      const double unit = sums[i].force[n] * cell_area;
-      slope[GROUSER_VX] += scale * sums[i].slope[GROUSER_BY_VX][n];
-      slope[GROUSER_VY] += scale * sums[i].slope[GROUSER_BY_VY][n];
-      slope[GROUSER_YAW_RATE] += scale * sums[i].slope[GROUSER_BY_YAW_RATE][n];
-      slope[belt_column] += scale * sums[i].slope[GROUSER_BY_BELT][n];
-      slope[columns - 1] += scale * sums[i].slope[GROUSER_BY_MODULUS][n];
-      slope[GROUSER_AX] += unit * s.by_load * track_load * share_by_ax[i];
-      slope[GROUSER_AY] += unit * s.by_load * load_by_ay * share[i];
-      for (int p = 0; p < strength_columns; p++) slope[GROUSER_TERRAIN + p] += unit * s.by_parameter[p];
-    }
-  }
+/* Sums of both tracks, each by its own row, and their force together. */
+static void both_tracks(const grouser_physics *block, const double *const row[2], enum grouser_wanted wanted,
+                        grouser_track track[2], track_sums sums[2], double force[GROUSER_OUTPUTS]) {
+  grouser_layout layout;
+  grouser_lay_out(block, &layout);
+  double right[GROUSER_OUTPUTS];
+  for (int n = 0; n < 2; n++) grouser_find_track(block, &layout, row[n], BOTH_SIDES[n], &track[n]);
+  add_cells(block, &layout, track, 2, wanted, sums);
+  force_of_track(block, row[0], GROUSER_LEFT, &track[0], &sums[0], force);
+  force_of_track(block, row[1], GROUSER_RIGHT, &track[1], &sums[1], right);
+  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += right[n];
 }
 
 void grouser_physics_forces(const grouser_physics *block, const double *x, double force[GROUSER_OUTPUTS],
                             double *jacobian) {
-  const int entries = GROUSER_OUTPUTS * grouser_columns(block->mode);
-  double right[GROUSER_OUTPUTS], right_jacobian[GROUSER_OUTPUTS * GROUSER_MAX_COLUMNS];
-  grouser_physics_track(block, x, GROUSER_LEFT, force, jacobian);
-  grouser_physics_track(block, x, GROUSER_RIGHT, right, jacobian ? right_jacobian : NULL);
-  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += right[n];
-  if (jacobian)
-    for (int n = 0; n < entries; n++) jacobian[n] += right_jacobian[n];
-}
-
-/* Adds one track of one vehicle, with what Newton asks for: the slopes by the body's motion. */
-static void add_body(const grouser_physics *block, const double *x, enum grouser_side side, enum grouser_wanted wanted,
-                     double force[GROUSER_OUTPUTS], double slope[GROUSER_OUTPUTS][3]) {
-  const int columns = grouser_columns(block->mode);
-  const double sign = side == GROUSER_LEFT ? 1.0 : -1.0, belt = x[side == GROUSER_LEFT ? GROUSER_V_LEFT : GROUSER_V_RIGHT];
-  const double cell_area = block->element_length * block->track_width / (block->along * block->across);
-  const double direction = belt / sqrt(belt * belt + block->soft_speed * block->soft_speed);
-  const double tangent = grouser_friction_tangent(block, x + GROUSER_TERRAIN);
-  double share[GROUSER_MAX_WHEELS], share_by_ax[GROUSER_MAX_WHEELS], load_by_ay, own[GROUSER_OUTPUTS];
-  grouser_element_sums sums[GROUSER_MAX_WHEELS];
-  const double track_load = grouser_side_load(block, x[GROUSER_AY], side, &load_by_ay);
-  grouser_element_shares(block, x[GROUSER_AX], share, share_by_ax);
-  integrate_track(block, x, belt, sign, wanted, sums);
-  own[0] = -x[columns - 2] * track_load * direction;
-  own[1] = 0;
-  own[2] = -(sign * block->tread / 2) * own[0];
-  for (int i = 0; i < block->wheels; i++) {
-    const grouser_strength s = grouser_shear_strength(block, x + GROUSER_TERRAIN, tangent, track_load * share[i]);
-    const double scale = s.stress * cell_area;
-    for (int n = 0; n < GROUSER_OUTPUTS; n++) {
-      own[n] += scale * sums[i].force[n];
-      for (int d = 0; wanted != GROUSER_FORCES_WANTED && d < 3; d++) slope[n][d] += scale * sums[i].slope[d][n];
-    }
-  }
-  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] += own[n];
+  const double *const row[2] = {x, x};
+  grouser_track track[2];
+  track_sums sums[2];
+  both_tracks(block, row, jacobian ? GROUSER_ALL_SLOPES_WANTED : GROUSER_FORCES_WANTED, track, sums, force);
+  if (!jacobian) return;
+  memset(jacobian, 0, sizeof(double) * GROUSER_OUTPUTS * (size_t)grouser_columns(block->mode));
+  for (int n = 0; n < 2; n++) add_jacobian(block, x, BOTH_SIDES[n], &track[n], &sums[n], jacobian);
 }
 
 void grouser_physics_body(const grouser_physics *block, const double *left, const double *right,
                           double force[GROUSER_OUTPUTS], double slope[GROUSER_OUTPUTS][3]) {
-  const enum grouser_wanted wanted = slope ? GROUSER_BODY_SLOPES_WANTED : GROUSER_FORCES_WANTED;
-  for (int n = 0; n < GROUSER_OUTPUTS; n++) force[n] = 0;
-  if (slope) memset(slope, 0, sizeof(double) * GROUSER_OUTPUTS * 3);
-  add_body(block, left, GROUSER_LEFT, wanted, force, slope);
-  add_body(block, right ? right : left, GROUSER_RIGHT, wanted, force, slope);
+  const double *const row[2] = {left, right ? right : left};
+  grouser_track track[2];
+  track_sums sums[2];
+  both_tracks(block, row, slope ? GROUSER_BODY_SLOPES_WANTED : GROUSER_FORCES_WANTED, track, sums, force);
+  if (!slope) return;
+  double by_track[2][GROUSER_SLOPES][GROUSER_OUTPUTS];
+  for (int n = 0; n < 2; n++) slopes_of_track(block, BOTH_SIDES[n], &sums[n], GROUSER_BODY_SLOPES, by_track[n]);
+  for (int n = 0; n < GROUSER_OUTPUTS; n++)
+    for (int s = 0; s < GROUSER_BODY_SLOPES; s++) slope[n][s] = by_track[0][s][n] + by_track[1][s][n];
 }
 
 const char *grouser_physics_refuses(const grouser_physics *block, const double *x) {

@@ -44,11 +44,10 @@ _PANEL: Final = 16
 # would warn of the bounds.
 _LEAST_WIDTH: Final = 64
 
-# The block asks for its path by name: without the exact one, both names are the soft one's.
+# The block asks for its path by name: without the exact one, its name is the soft one's.
 _NO_EXACT_PATH: Final = """\
 /* The fallback takes the soft path: the exact one is left out. */
-#define grouser_exact_forces grouser_soft_forces
-#define grouser_exact_slopes grouser_soft_slopes
+#define grouser_exact_cells grouser_soft_cells
 """
 
 

@@ -203,5 +203,5 @@ def test_wheels_apart_and_an_exact_fallback_are_exported_too(
              folder)  # fmt: skip
     compiled([folder / "selftest"], folder)
     soft = export_c(surrogate, tmp_path / "soft") / "grouser_warthog_soil.c"
-    assert "station_at" in (folder / "grouser_warthog_soil.c").read_text()
-    assert "station_at" not in soft.read_text()
+    assert "paths_at" in (folder / "grouser_warthog_soil.c").read_text()
+    assert "paths_at" not in soft.read_text()
