@@ -49,36 +49,25 @@ static void look(const grouser_episodes *e, int vehicle, const grouser_sight *si
                     e->measures + GROUSER_TASK_MEASURES * (size_t)vehicle);
 }
 
-/* Slip power of the last tick, in W, on the ground where it began, of up to GROUSER_BLOCK vehicles. */
-static void slip_power(const grouser_episodes *e, int first, int end, double *power) {
+/* Slip power of the last tick, in W, on the ground where it began. */
+static double slip_power(const grouser_episodes *e, int vehicle) {
   const grouser_fleet *fleet = e->fleet;
+  const double *pose = e->poses + 3 * (size_t)vehicle;
+  double left[GROUSER_MAX_COLUMNS], right[GROUSER_MAX_COLUMNS];
   const int columns = e->slip_block->columns;
-  grouser_block_rows left, right;
-  double load_ratio[GROUSER_BLOCK];
-  memset(&left, 0, sizeof left);
-  for (int l = 0; l < GROUSER_BLOCK; l++) load_ratio[l] = 1.0;
   for (int n = 0; n < columns; n++)
-    memcpy(left.column[n], fleet->record + (size_t)(GROUSER_RECORD_ROW + n) * (size_t)fleet->vehicles + (size_t)first,
-           sizeof(double) * (size_t)(end - first));
-  right = left;
-  for (int vehicle = first; vehicle < end; vehicle++) {
-    const double *pose = e->poses + 3 * (size_t)vehicle;
-    const grouser_ground *ground = &fleet->grounds[vehicle];
-    const int l = vehicle - first;
-    grouser_footing footing;
-    if (!grouser_sample_ground(ground, &fleet->plant->sampling, pose[0], pose[1], cos(pose[2]), sin(pose[2]),
-                               &footing)) {
-      load_ratio[l] = NAN;
-      continue;
-    }
-    load_ratio[l] = footing.load_ratio;
-    for (int p = 0; footing.split && p < columns - GROUSER_TERRAIN; p++)
-      right.column[GROUSER_TERRAIN + p][l] = footing.theta[1][p];
-  }
-  grouser_slip_power(e->slip_block, &left, &right, load_ratio, power);
+    left[n] = fleet->record[(size_t)(GROUSER_RECORD_ROW + n) * (size_t)fleet->vehicles + (size_t)vehicle];
+  memcpy(right, left, sizeof(double) * (size_t)columns);
+  grouser_footing footing;
+  if (!grouser_sample_ground(&fleet->grounds[vehicle], &fleet->plant->sampling, pose[0], pose[1], cos(pose[2]),
+                             sin(pose[2]), &footing))
+    return NAN;
+  if (footing.split)
+    memcpy(right + GROUSER_TERRAIN, footing.theta[1], sizeof(double) * (size_t)(columns - GROUSER_TERRAIN));
+  return grouser_slip_power(e->slip_block, left, right, footing.load_ratio);
 }
 
-static void assess(const grouser_episodes *e, int vehicle, double power) {
+static void assess(const grouser_episodes *e, int vehicle) {
   const double *action = e->actions + 2 * (size_t)vehicle;
   double *previous = e->previous + 2 * (size_t)vehicle, *terms = e->terms + GROUSER_TASK_TERMS * (size_t)vehicle;
   const grouser_sight sight = sight_of(e, vehicle);
@@ -93,7 +82,7 @@ static void assess(const grouser_episodes *e, int vehicle, double power) {
     e->truncated[vehicle] = 0;
   } else {
     const int ended = e->rules->assess(e->rules->self, memory, time_of(e, vehicle), &sight, terms);
-    grouser_task_costs(e->task, action, previous, power, terms + 2);
+    grouser_task_costs(e->task, action, previous, slip_power(e, vehicle), terms + 2);
     double reward = 0.0;
     for (int term = 0; term < GROUSER_TASK_TERMS; term++) reward += terms[term];
     e->rewards[vehicle] = reward;
@@ -102,20 +91,6 @@ static void assess(const grouser_episodes *e, int vehicle, double power) {
   }
   memcpy(previous, action, 2 * sizeof(double));
   look(e, vehicle, &sight);
-}
-
-static void assess_block(const grouser_episodes *e, int first, int end) {
-  double power[GROUSER_BLOCK];
-  slip_power(e, first, end, power);
-  for (int vehicle = first; vehicle < end; vehicle++) {
-    if (!e->idle[vehicle]) {
-      assess(e, vehicle, power[vehicle - first]);
-      continue;
-    }
-    e->fleet->status[vehicle] = GROUSER_SOLVED;
-    e->rewards[vehicle] = 0.0;
-    e->terminated[vehicle] = e->truncated[vehicle] = 0;
-  }
 }
 
 /* Whether the ground under a vehicle depends on where it is or heads. */
@@ -144,8 +119,15 @@ static void step_range(const grouser_episodes *e, int first, int end) {
     pose[2] = state_of(fleet, GROUSER_STATE_HEADING, vehicle);
   }
   fleet->advance_lanes(fleet, e->commands, last_ticks, first, end);
-  for (; first < end; first += GROUSER_BLOCK)
-    assess_block(e, first, end - first < GROUSER_BLOCK ? end : first + GROUSER_BLOCK);
+  for (int vehicle = first; vehicle < end; vehicle++) {
+    if (!e->idle[vehicle]) {
+      assess(e, vehicle);
+      continue;
+    }
+    fleet->status[vehicle] = GROUSER_SOLVED;
+    e->rewards[vehicle] = 0.0;
+    e->terminated[vehicle] = e->truncated[vehicle] = 0;
+  }
 }
 
 static void step_share(void *work, int part, int parts) {

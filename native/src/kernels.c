@@ -7,7 +7,6 @@
 #include "soft_cells_single.c"
 #include "exact_cells.c"
 #include "physics.c"
-#include "physics_block.c"
 #include "dense.c"
 #include "dense_backward.c"
 #include "dense_batch.c"
@@ -50,15 +49,10 @@ static void physics_evaluate_body(const void *block, const double *left, const d
   grouser_physics_body((const grouser_physics *)block, left, right, forces, wanted ? slopes : NULL);
 }
 
-static void physics_evaluate_track_block(const void *block, const grouser_block_rows *rows, int side,
-                                         double force[GROUSER_OUTPUTS][GROUSER_BLOCK]) {
-  grouser_physics_track_block((const grouser_physics *)block, rows, (enum grouser_side)side, force);
-}
-
 static grouser_kernel physics_kernel(const grouser_physics *block) {
   const grouser_kernel kernel = {
       block, grouser_columns(block->mode), physics_evaluate, physics_refuses, physics_evaluate_track, NULL, NULL,
-      physics_evaluate_body, NULL, 0, grouser_physics_has_block(block) ? physics_evaluate_track_block : NULL};
+      physics_evaluate_body, NULL, 0};
   return kernel;
 }
 
@@ -95,7 +89,7 @@ static grouser_kernel mlp_kernel(grouser_mlp *net) {
   grouser_mlp_prepare(net);
   const grouser_kernel kernel = {
       net, net->dense.widths[0], mlp_evaluate, mlp_refuses, NULL, mlp_evaluate_block, mlp_evaluate_rows,
-      mlp_evaluate_body, NULL, 0, NULL};
+      mlp_evaluate_body, NULL, 0};
   return kernel;
 }
 
@@ -156,8 +150,7 @@ static grouser_kernel track_net_kernel(grouser_track_net *net) {
                                  track_net_evaluate_rows,
                                  track_net_evaluate_body,
                                  track_net_prepare_block,
-                                 grouser_track_net_prepared_rows(net),
-                                 NULL};
+                                 grouser_track_net_prepared_rows(net)};
   return kernel;
 }
 
@@ -172,7 +165,7 @@ static const char *gated_refuses(const void *self, const double *x) {
 
 static grouser_kernel gated_kernel(const grouser_gated *gated) {
   const grouser_kernel kernel = {gated, gated->fallback.columns, gated_evaluate, gated_refuses, NULL, NULL, NULL, NULL,
-                                 NULL,  0, NULL};
+                                 NULL,  0};
   return kernel;
 }
 

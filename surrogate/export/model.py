@@ -133,7 +133,6 @@ def _kernel(read: Read, name: str, table: str = "") -> str:
         "evaluate_body": "NULL",
         "prepare_block": "NULL",
         "prepared_rows": "0",
-        "evaluate_track_block": "NULL",
     }
     return struct(read(core.KERNEL_HEADER), "grouser_kernel", values)
 

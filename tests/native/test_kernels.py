@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compiled_kernel import BLOCK, Slopes, block_forces, body_forces, track_block_forces
+from compiled_kernel import BLOCK, Slopes, block_forces, body_forces
 
 from grouser.native import Mlp, cpu_level
 from grouser.surrogate import NativeSurrogate, Surrogate
 from grouser.terrain import (
     MODES,
     CompiledBackend,
-    Contact,
     FloatArray,
     InvalidInputError,
     Mode,
@@ -117,27 +116,6 @@ def test_what_is_prepared_serves_every_motion_of_the_body(mode: Mode, wanted: Sl
     np.testing.assert_array_equal(own[0], other[0])
     if wanted:
         np.testing.assert_array_equal(own[1], other[1])
-
-
-@every_mode
-@pytest.mark.parametrize("contact", ["continuous", "per_wheel"])
-def test_tracks_of_a_block_are_those_of_its_rows(mode: Mode, contact: Contact) -> None:
-    backend = PhysicsBackend(M113, mode, cells=(2, 1), contact=contact)
-    x = rows(mode, BLOCK)
-    expected = backend.track_forces(x, x)
-    for side in range(2):
-        forces = track_block_forces(backend.kernel, x, side)
-        np.testing.assert_allclose(forces, expected[:, side], rtol=0, atol=1e-9 * np.abs(expected).max())
-
-
-@every_mode
-def test_a_track_that_is_not_a_number_leaves_the_others_alone(mode: Mode) -> None:
-    backend, x = PhysicsBackend(M113, mode, cells=(2, 1)), rows(mode, BLOCK)
-    spoilt = x.copy()
-    spoilt[5] = np.nan
-    forces, others = track_block_forces(backend.kernel, spoilt, 0), np.arange(BLOCK) != 5
-    assert np.isnan(forces[5]).any()
-    np.testing.assert_array_equal(forces[others], track_block_forces(backend.kernel, x, 0)[others])
 
 
 @every_mode

@@ -15,7 +15,6 @@ CORES = ["detector", "guard", "ground", "body", "tick"]
 ENGINE = [
     *CORES,
     "load_block",
-    "physics_block",
     "slip_power",
     "fleet_arrays",
     "fleet_block",

@@ -53,10 +53,6 @@ class _Kernel(ctypes.Structure):
             ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Rows), ctypes.POINTER(_Rows), _double_p),
         ),
         ("prepared_rows", ctypes.c_int),
-        (
-            "evaluate_track_block",
-            ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Rows), ctypes.c_int, _double_p),
-        ),
     )
 
 
@@ -104,14 +100,6 @@ def block_forces(
         kernel.prepare_block(kernel.self, given[0], given[1], prepared)
     kernel.evaluate_block(kernel.self, rows[0], rows[1], prepared, wanted, out)
     return np.array(out.force).T, np.moveaxis(np.array(out.slope), -1, 0)
-
-
-def track_block_forces(compiled: Any, x: FloatArray, side: int) -> FloatArray:
-    """Return the forces (16, 3) of one track (0 left, 1 right) of 16 rows."""
-    kernel = kernel_of(compiled)
-    forces = np.empty((3, BLOCK))
-    kernel.evaluate_track_block(kernel.self, _block_rows(x), side, forces.ctypes.data_as(_double_p))
-    return forces.T
 
 
 def body_forces(

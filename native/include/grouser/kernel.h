@@ -53,9 +53,6 @@ typedef struct {
   void (*prepare_block)(const void *self, const grouser_block_rows *left, const grouser_block_rows *right,
                         double (*prepared)[GROUSER_BLOCK]);
   int prepared_rows;
-  /* Writes the forces of one track of a block; NULL where they are taken row by row. */
-  void (*evaluate_track_block)(const void *self, const grouser_block_rows *rows, int side,
-                               double force[GROUSER_OUTPUTS][GROUSER_BLOCK]);
 } grouser_kernel;
 
 #endif

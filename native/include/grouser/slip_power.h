@@ -4,10 +4,8 @@
 
 #include "kernel.h"
 
-/* VtL F_L + VtR F_R - (Qx Vx + Qy Vy + Mz w) of the shear forces of a block of vehicles, in W, by a kernel that knows
- * the tracks apart. Rows are as the vehicles' own kernel received them, on ground that bears `load_ratio` of the
- * weight; they are overwritten. A lane whose row is not finite gives what it may, and leaves the others alone. */
-void grouser_slip_power(const grouser_kernel *block, grouser_block_rows *left, grouser_block_rows *right,
-                        const double *load_ratio, double *power);
+/* VtL FL + VtR FR - (Qx Vx + Qy Vy + Mz yaw rate) of the shear forces in W, by a kernel that knows the tracks apart, for
+ * the interface rows that both tracks received in a tick and the share of the weight that pressed on the ground. */
+double grouser_slip_power(const grouser_kernel *block, const double *left, const double *right, double load_ratio);
 
 #endif
