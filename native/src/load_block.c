@@ -9,13 +9,13 @@ void grouser_block_shares(const grouser_physics *block, const grouser_block_rows
                           double (*share)[GROUSER_BLOCK]) {
   const int count = block->wheels;
   const double lean_slope = -block->cg_height / block->gravity;
-  double spread = 0;
-  double total[GROUSER_BLOCK];
+  double spread = 0, total[GROUSER_BLOCK];
   for (int i = 0; i < count; i++) spread += grouser_element_arm(block, i) * grouser_element_arm(block, i);
+  const double per_spread = spread > 0 ? 1.0 / spread : 0.0;
   GROUSER_LANE_LOOP
   for (int l = 0; l < GROUSER_BLOCK; l++) total[l] = 0;
   for (int i = 0; i < count; i++) {
-    const double gain = spread > 0 ? grouser_element_arm(block, i) / spread : 0.0;
+    const double gain = grouser_element_arm(block, i) * per_spread;
     GROUSER_LANE_LOOP
     for (int l = 0; l < GROUSER_BLOCK; l++) {
       const double lean = lean_slope * rows->column[GROUSER_AX][l] - block->contact_center;
@@ -25,15 +25,18 @@ void grouser_block_shares(const grouser_physics *block, const grouser_block_rows
       total[l] += share[i][l];
     }
   }
+  GROUSER_LANE_LOOP
+  for (int l = 0; l < GROUSER_BLOCK; l++) total[l] = 1.0 / total[l];
   for (int i = 0; i < count; i++)
     GROUSER_LANE_LOOP
-    for (int l = 0; l < GROUSER_BLOCK; l++) share[i][l] /= total[l];
+    for (int l = 0; l < GROUSER_BLOCK; l++) share[i][l] *= total[l];
 }
 
 void grouser_load_block(const grouser_physics *block, const grouser_block_rows *rows, enum grouser_side side,
                         const double (*share)[GROUSER_BLOCK], double *track_load, double (*stress)[GROUSER_BLOCK]) {
   const int count = block->wheels;
-  const double area = block->element_length * block->track_width, weight = block->mass * block->gravity;
+  const double area = block->element_length * block->track_width, per_area = 1.0 / area;
+  const double weight = block->mass * block->gravity;
   const double transfer = -grouser_sign(side) * (block->mass * block->cg_height / block->tread);
   const double *strength = rows->column[GROUSER_TERRAIN], *angle = rows->column[GROUSER_TERRAIN + 1];
   GROUSER_LANE_LOOP
@@ -44,7 +47,7 @@ void grouser_load_block(const grouser_physics *block, const grouser_block_rows *
   if (block->mode == GROUSER_RIGID) {
     for (int i = 0; i < count; i++)
       GROUSER_LANE_LOOP
-      for (int l = 0; l < GROUSER_BLOCK; l++) stress[i][l] = strength[l] * (track_load[l] * share[i][l] / area) * area;
+      for (int l = 0; l < GROUSER_BLOCK; l++) stress[i][l] = strength[l] * (track_load[l] * share[i][l] * per_area) * area;
     return;
   }
   double tangent[GROUSER_BLOCK];
@@ -56,7 +59,7 @@ void grouser_load_block(const grouser_physics *block, const grouser_block_rows *
   for (int i = 0; i < count; i++)
     GROUSER_LANE_LOOP
     for (int l = 0; l < GROUSER_BLOCK; l++) {
-      const double load = track_load[l] * share[i][l], pressure = load / area;
+      const double load = track_load[l] * share[i][l], pressure = load * per_area;
       const double fade = load < full_contact ? load / full_contact : 1.0;
       stress[i][l] = (strength[l] * fade + pressure * tangent[l]) * area;
     }
