@@ -10,6 +10,7 @@ import numpy as np
 
 from ...surrogate import DenseNetwork
 from ...terrain import CompiledBackend, FloatArray, GrouserError
+from ...terrain.physics import Precision
 from .absences import Absences
 from .compiled_rivals import PLAIN_FLAGS, plain_network, scalar_physics
 from .limits import Limits
@@ -25,11 +26,17 @@ SCALAR: Final = "float64, scalar -O2"
 STRUCTURED, GATED = "structured", "structured + detector"
 FROM_PYTHON: Final = ("64x64", "128x128")
 BATCHED: Final = ("64x64", "128x128", "128x4")
+PRECISIONS: Final[tuple[Precision, ...]] = ("float64", "float32")
 
 
 def grid_name(grid: tuple[int, int]) -> str:
     """Return a grid as tables name it."""
     return "x".join(map(str, grid))
+
+
+def batched_physics(grid: str, precision: str) -> str:
+    """Return the name of the physics on a grid among the batches."""
+    return f"physics {grid}, {precision}"
 
 
 class Calls:
@@ -90,7 +97,7 @@ class Calls:
         rows = self.subjects.rows
         for grid in GRIDS:
             name = grid_name(grid)
-            for precision in ("float64", "float32"):
+            for precision in PRECISIONS:
                 yield Contender(name, precision, _in_c(self.subjects.physics(grid, precision), rows))
             double = self.subjects.physics(grid)
             yield Contender(name, "float64, with Jacobian", _in_c(double, rows, want_jacobian=True))
@@ -122,9 +129,10 @@ class Calls:
                 for contender in self._rivals(name, make, folded(backend.surrogate), given):
                     yield contender._replace(burst=_by_row(contender.burst))
         yield Contender(STRUCTURED, OURS, _by_row(_batch(self.subjects.structured, rows)))
-        for precision in ("float64", "float32"):
-            backend_physics = self.subjects.physics((16, 4), precision)
-            yield Contender(f"physics 16x4, {precision}", OURS, _by_row(_batch(backend_physics, rows)))
+        for grid in GRIDS:
+            for precision in PRECISIONS:
+                physics = _by_row(_batch(self.subjects.physics(grid, precision), rows))
+                yield Contender(batched_physics(grid_name(grid), precision), OURS, physics)
 
     def bound_steps(self) -> dict[str, Callable[[], None]]:
         """Return bound calls whose latency is looked at one by one."""

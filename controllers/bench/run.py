@@ -17,6 +17,7 @@ from ...native import cpu_level
 from ...surrogate.threads import torch_threads
 from ...terrain import ForceBackend, TrackedVehicle
 from .absences import Absences
+from .accuracy import accuracies, varied_rows
 from .calls import OURS, Calls
 from .environments import COUNTS, backends, environment_steps, fleet_ticks, steps_per_second
 from .latency import latencies
@@ -106,6 +107,9 @@ def run_bench(
         about = f"A batch of {BATCH} rows, called from Python, by the row."
         sections["batch"] = timed("batches", Section("ns a row", about), calls.batched(), config.calls)
         _derive(sections, calls)
+        progress("accuracy", 0, 1)
+        sections["accuracy"] = accuracies(calls.subjects, varied_rows(calls.subjects))
+        progress("accuracy", 1, 1)
         sections["latency"] = latencies(
             calls.bound_steps(), free=config.free, paced=config.paced, cold=config.cold, progress=progress
         )

@@ -19,10 +19,18 @@ def bench_document() -> dict[str, Any]:
     sections["networks_c"].add("64x64", "ONNX Runtime, C API", 1760.0)
     for grid, time in (("2x1", 300.0), ("16x4", 2000.0)):
         sections["physics_c"].add(grid, "float64", time)
+    sections["physics_c"].add("16x4", "float32", 1000.0)
     for name, time in (("grouser, bound step()", 100.0), ("ONNX Runtime, bound", 3000.0), ("NumPy", 4000.0)):
         sections["python"].add("64x64", name, time)
     sections["bounds"] = Section("ns", "Bounds.")
     sections["bounds"].add("64x64", "bound", 40.0)
+    sections["accuracy"] = Section("%", "Errors.")
+    for case, error in (("2x1", 3.0), ("16x4", 0.2), ("structured", 1.0)):
+        sections["accuracy"].add(case, "worst", error)
+    sections["networks_c"].add("structured", "grouser", 160.0)
+    sections["batch"] = Section("ns a row", "Batches.")
+    for case, time in (("physics 16x4, float64", 1800.0), ("physics 16x4, float32", 900.0), ("structured", 120.0)):
+        sections["batch"].add(case, "grouser", time)
     sections["environments"] = Section("steps/s", "Steps.")
     sections["environments"].add("native, structured", "N = 1024, 1 thread", 160_000.0)
     sections["environments"].add("physics 16x4, float64", "N = 1024, 1 thread", 80_000.0)

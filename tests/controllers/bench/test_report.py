@@ -35,10 +35,21 @@ def test_the_page_leads_with_targets_our_own_physics_and_the_best_library() -> N
     assert headings[-2:] == ["The paper's figures beside ours", "Not measured here"]
     assert "| 64x64 | 100 | ONNX Runtime, bound | 3,000 | 30 | NumPy | 40 |" in text
     assert "| 64x64 | 80 | 1,760 | 22 |" in text
-    assert "| structured + detector | 200 | 10 | – | 1.50 |" in text
+    assert "| structured + detector | 200 | 10 | 5.00 | 1.50 |" in text
     assert "| 64x64 | 3.64 | 6.46 | 3.51 | 7.10 | 0.08 | 25 |" in text
     assert "**missed**" in text
     assert "- torch: torch is not installed" in text
+
+
+def test_times_stand_beside_the_error_that_they_buy() -> None:
+    text = page(bench_document())
+    assert "| physics 2x1 | 3 | 300 | – | – | – |" in text
+    assert "| physics 16x4 | 0.2 | 2,000 | 1,800 | 1,000 | 900 |" in text
+    assert "| structured | 1 |  |  | 160 | 120 |" in text
+    said = next(line for line in text.splitlines() if line.startswith("The coarsest grid that is as accurate"))
+    assert (
+        "surrogate, 16x4, takes 12 times as long as the surrogate for a single sample and 15 times in a batch" in said
+    )
 
 
 def test_every_row_of_a_table_has_the_cells_of_its_heading() -> None:
