@@ -19,6 +19,8 @@ from .timing import Burst, Contender, Section
 #: Backends by the name that tables give them.
 STRUCTURED, PLAIN, GUARDED = "native, structured", "native, plain 64x64", "guarded, structured"
 DOUBLE, SINGLE = "physics 16x4, float64", "physics 16x4, float32"
+# About as accurate as the structured surrogate.
+COARSE: Final = "physics 4x2, float32"
 COUNTS: Final = (1, 64, 1024)
 THREADS: Final = (1, 2)
 TICKS: Final = 10
@@ -44,6 +46,7 @@ def backends(subjects: Subjects, absent: Absences) -> dict[str, ForceBackend]:
         GUARDED: subjects.guarded,
         DOUBLE: subjects.physics(DEFAULT_GRID),
         SINGLE: subjects.physics(DEFAULT_GRID, "float32"),
+        COARSE: subjects.physics((4, 2), "float32"),
     }
 
 

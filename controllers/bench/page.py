@@ -25,7 +25,7 @@ _TITLES: Final = {
     "environments": "Environments",
     "fleets": "The dynamics alone",
 }
-_PHYSICS: Final = (("16x4", "float64"), ("16x4", "float32"), ("2x1", "float64"))
+_PHYSICS: Final = (("16x4", "float64"), ("16x4", "float32"), ("4x2", "float32"))
 _CHOSEN: Final = (STRUCTURED, GATED, "64x64", "128x128", "128x4")
 _METHOD: Final = (
     "Medians of rounds in which every contender has its turn, so that ratios within one run carry over to another "

@@ -18,7 +18,7 @@ from .timing import Section
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999999", "#000000")
 _MARKERS: Final = "xsdv^*P"
 _IN_C: Final = (OURS, *PLAIN_FLAGS, ONNX_IN_C)
-_PHYSICS: Final = (("16x4", "float64", "--"), ("16x4", "float32", "-."), ("2x1", "float64", ":"))
+_PHYSICS: Final = (("16x4", "float64", "--"), ("16x4", "float32", "-."), ("4x2", "float32", ":"))
 
 
 def pictures(sections: Mapping[str, Section]) -> dict[str, bytes]:

@@ -20,6 +20,7 @@ def bench_document() -> dict[str, Any]:
     for grid, time in (("2x1", 300.0), ("16x4", 2000.0)):
         sections["physics_c"].add(grid, "float64", time)
     sections["physics_c"].add("16x4", "float32", 1000.0)
+    sections["physics_c"].add("4x2", "float32", 300.0)
     for name, time in (("grouser, bound step()", 100.0), ("ONNX Runtime, bound", 3000.0), ("NumPy", 4000.0)):
         sections["python"].add("64x64", name, time)
     sections["bounds"] = Section("ns", "Bounds.")

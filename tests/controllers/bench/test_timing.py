@@ -1,6 +1,7 @@
 """Medians of rounds, and sections as JSON holds them."""
 
 import json
+from time import sleep
 
 from grouser.controllers.bench import Contender, Effort, Section
 from grouser.controllers.bench.timing import measure, statement
@@ -35,6 +36,19 @@ def test_every_contender_has_its_turn_in_each_round_and_none_always_follows_the_
     rounds = ["".join(turns[-4 * 8 :][4 * turn : 4 * turn + 4]) for turn in range(8)]
     assert all(sorted(each) == list("abcd") for each in rounds)
     assert len(set(rounds)) > 2
+
+
+def test_a_slow_first_call_does_not_decide_how_many_are_timed() -> None:
+    told: list[int] = []
+
+    def burst(calls: int) -> float:
+        if not told:
+            sleep(0.02)
+        told.append(calls)
+        return 1.0
+
+    measure(Section("ns", ""), [Contender("case", "name", burst)], Effort(1, 0.01), lambda *_: None)
+    assert told[-1] > 1
 
 
 def test_a_statement_runs_as_often_as_it_is_told() -> None:
