@@ -48,7 +48,7 @@ def figure(results: Mapping[str, Any], file: Path) -> None:
         axis.grid(alpha=0.3, which="both")
         axis.margins(x=0.2)
     axes[0].set_ylabel("1 − R², worst output")
-    axes[1].legend(loc="upper right", fontsize=8)
+    axes[1].legend(loc="center right", fontsize=8)
     buffer = BytesIO()
     made.savefig(buffer, dpi=130, format="png")
     write_aside(file, buffer.getvalue())
