@@ -3,7 +3,7 @@
 #define GROUSER_LANE_LOOP_H
 
 #if defined(__clang__)
-#define GROUSER_LANE_LOOP _Pragma("clang loop vectorize(enable)")
+#define GROUSER_LANE_LOOP _Pragma("clang loop unroll(disable)")
 #elif defined(__GNUC__)
 #define GROUSER_LANE_LOOP _Pragma("GCC unroll 1")
 #else
