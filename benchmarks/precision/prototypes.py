@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from grouser.controllers.bench.compiled_rivals import CompiledRival
+from grouser.controllers.bench.compiled_rivals import TIMER, CompiledRival
 from grouser.controllers.bench.toolchain import Toolchain, Unit
 from grouser.surrogate import Surrogate
 from grouser.terrain import ConfigurationError
@@ -96,7 +96,7 @@ class Prototype:
         if surrogate.structured or surrogate.network.activation != "relu":
             raise ConfigurationError("the prototypes take plain networks with ReLU")
         units = [
-            Unit((_SOURCES / "timer.c").read_text(encoding="utf-8"), ("-O2",)),
+            Unit(TIMER, ("-O2",)),
             Unit((_SOURCES / f"{self.source}.c").read_text(encoding="utf-8"), self.flags),
         ]
         stem = f"{self.source}_{int(self.skipping)}"
