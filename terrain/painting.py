@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .errors import ConfigurationError, InvalidInputError, unknown_name
 from .field import Outside, TerrainField, grid_shape
 from .interface import FloatArray, interface
-from .parameters import Terrain, require_in
+from .parameters import Terrain, require_in, require_whole
 
 _WAVES: Final = 64
 
@@ -113,8 +113,7 @@ class Noise:
 
     def __post_init__(self) -> None:
         require_in("correlation_length", self.correlation_length, 0.0, 1e9, low_open=True)
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            raise InvalidInputError(f"seed must be a whole number of at least 0, got {self.seed!r}")
+        require_whole("seed", self.seed, 0)
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the noise at each position."""

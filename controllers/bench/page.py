@@ -179,7 +179,7 @@ def _at_equal_accuracy(sections: Mapping[str, Section]) -> list[str]:
     for grid in single.figures:
         error = errors.get(grid, WORST)
         taken = [(single.get(grid, each), batch.get(batched_physics(grid, each), OURS)) for each in PRECISIONS]
-        rows.append([f"physics {grid}", figure(error), *(figure(time) for times in taken for time in times)])
+        rows.append([f"physics {grid}", figure(error), *(figure(time) for pair in taken for time in pair)])
         if not rival and own is not None and error is not None and error <= own:
             compared = [
                 f"{_over(alone, times[0])} times as long as the surrogate for a single sample and "
